@@ -1,0 +1,76 @@
+#ifndef TREELIGHT_CORE_BUILDER_H_
+#define TREELIGHT_CORE_BUILDER_H_
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/gatherer.h"
+
+namespace treelight {
+
+/// How a tree is built.
+enum class BuilderKind {
+  kLbvh,  ///< Karras 2012: Morton order, with runs of equal codes rebuilt by position
+};
+
+/// Bits of the Morton codes: 10 or 21 per axis.
+enum class MortonBits : std::uint32_t { k30 = 30, k63 = 63 };
+
+struct BuildOptions {
+  BuilderKind builder = BuilderKind::kLbvh;
+  MortonBits morton_bits = MortonBits::k30;
+  std::uint32_t max_leaf_size = 16;  ///< B, photons, [1, kMaxLeafSize]
+};
+
+/// Largest B.
+inline constexpr std::uint32_t kMaxLeafSize = 64;
+
+/// Makes photon maps. Safe to call from several threads at once.
+class Builder {
+ public:
+  virtual ~Builder() = default;
+
+  /// Builds a map over `photons` and blocks until it can answer. No photons is a map too: its answers are empty.
+  /// INVALID_ARGUMENT: arrays of unequal length, a coordinate that is not finite or beyond kMaxCoordinate, an option
+  /// out of range; the message names field, index and value. RESOURCE_EXHAUSTED: larger than one device buffer or the
+  /// device's memory; the message names the limit. CANCELLED: `cancelled` said so. INTERNAL: the device failed.
+  virtual absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons, const BuildOptions& options,
+                                                          const CancelCheck& cancelled = {}) = 0;
+};
+
+/// The checks that every Builder makes before it works; see Builder::Build.
+absl::Status CheckBuild(const Photons& photons, const BuildOptions& options);
+
+/// One OpenCL device of this machine.
+struct DeviceInfo {
+  int index = 0;  ///< what `--device` takes; GPUs first, then CPUs
+  std::string name, platform, driver;
+  std::string type;  ///< "gpu", "cpu" or "other"
+  std::uint32_t compute_units = 0;
+  std::uint64_t memory_bytes = 0;
+  std::uint64_t max_buffer_bytes = 0;
+};
+
+/// The OpenCL devices of this machine in the order of their index; empty where there is none.
+std::vector<DeviceInfo> ListDevices();
+
+struct DeviceOptions {
+  std::string device;           ///< empty: the first one; else an index, or part of a name, case ignored
+  std::string cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
+};
+
+/// A builder on an OpenCL device, its kernels compiled. NOT_FOUND: no such device; the message lists those there are.
+absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options = {});
+
+/// The device that a MakeDeviceBuilder with the same options takes.
+absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options = {});
+
+/// The plain reference on the CPU: compares every query with every photon, in float32 as the devices do.
+std::unique_ptr<Builder> MakeBruteForceBuilder();
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_BUILDER_H_

@@ -1,0 +1,68 @@
+/* Structures and constants that the host and the OpenCL kernels share. Compiled by both: scalars only. */
+#ifndef TREELIGHT_CORE_KERNELS_TYPES_H_
+#define TREELIGHT_CORE_KERNELS_TYPES_H_
+
+#ifndef __OPENCL_VERSION__
+#include <cstdint>
+namespace treelight {
+using uint = std::uint32_t;
+#endif
+
+/** A child link with this bit is a leaf, the other bits are its first photon in leaf order; without it
+ * the link is the index of a node. */
+#define kLeafBit 0x80000000u
+
+/** Marks "no photon" in padded neighbour lists. */
+#define kNoPhoton 0xffffffffu
+
+/** Deepest path from the root that a tree may have, in edges; the traversal stack has as many places. */
+#define kMaxDepth 128
+
+/** Inner node of the tree: the tight boxes of both children, so that one read decides which to visit.
+ * Node i separates leaf i from leaf i + 1 in leaf order (Apetrei 2014 numbers nodes this way).
+ * 64 bytes; the smallest photon index below each child, needed for ties alone, lies apart. */
+typedef struct Node {
+  float left_min[3], left_max[3], right_min[3], right_max[3]; /**< scene units */
+  uint left, right;             /**< child: index of a node, or kLeafBit | first photon */
+  uint left_count, right_count; /**< photons below each child */
+} Node;
+
+/** Where the tree begins, and what holds all of it: the entry of every traversal. */
+typedef struct Root {
+  float min[3], max[3]; /**< tight box of all photons, scene units */
+  uint link;            /**< as a child link; undefined where count is 0 */
+  uint count;           /**< photons */
+  uint min_id;          /**< smallest photon index: 0 */
+} Root;
+
+/** Photon in leaf order: position in scene units, index in the order of upload. 16 bytes. */
+typedef struct LeafPhoton {
+  float x, y, z;
+  uint id;
+} LeafPhoton;
+
+/** Maps a position to a Morton cell: cell = min((p - min) * prescale * scale, cells - 1), each product
+ * rounded. `prescale` is 1, or a power of two that lifts an extent too small for its reciprocal. */
+typedef struct MortonGrid {
+  float min[3];
+  float prescale;
+  float scale[3];
+} MortonGrid;
+
+/** Bits of an output mask. */
+#define kOutputCount 1u
+#define kOutputRadius 2u
+#define kOutputNeighbors 4u
+#define kOutputDensity 8u
+#define kOutputStatistics 16u
+
+/** Density kernels. */
+#define kKernelConstant 0u
+#define kKernelCone 1u
+#define kKernelEpanechnikov 2u
+
+#ifndef __OPENCL_VERSION__
+static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16);
+}  // namespace treelight
+#endif
+#endif

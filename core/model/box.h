@@ -1,0 +1,54 @@
+#ifndef TREELIGHT_CORE_MODEL_BOX_H_
+#define TREELIGHT_CORE_MODEL_BOX_H_
+
+#include <algorithm>
+#include <limits>
+
+namespace treelight {
+
+/// Point or vector, scene units.
+struct Vec3 {
+  float x = 0, y = 0, z = 0;
+  friend bool operator==(const Vec3&, const Vec3&) = default;
+};
+
+/// Component `axis` (0, 1, 2) of `v`.
+inline float Component(const Vec3& v, int axis) {
+  return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
+}
+
+/// Squared distance as every part of Treelight computes it: float32, rounded after each operation, never
+/// contracted to a fused multiply-add, (dx*dx + dy*dy) + dz*dz. Scene units squared.
+inline float SquaredDistance(const Vec3& a, const Vec3& b) {
+  const float dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z;
+  return (dx * dx + dy * dy) + dz * dz;
+}
+
+/// Axis-aligned box, scene units. The default is empty: `min` is +inf and `max` is -inf.
+struct Box {
+  Vec3 min{std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity(),
+           std::numeric_limits<float>::infinity()};
+  Vec3 max{-std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(),
+           -std::numeric_limits<float>::infinity()};
+
+  void Extend(const Vec3& p) {
+    min = {std::min(min.x, p.x), std::min(min.y, p.y), std::min(min.z, p.z)};
+    max = {std::max(max.x, p.x), std::max(max.y, p.y), std::max(max.z, p.z)};
+  }
+  void Extend(const Box& b) {
+    Extend(b.min);
+    Extend(b.max);
+  }
+  friend bool operator==(const Box&, const Box&) = default;
+};
+
+/// Surface area of a box that is not empty, scene units squared, in double against overflow.
+inline double SurfaceArea(const Box& box) {
+  const double dx = double{box.max.x} - box.min.x, dy = double{box.max.y} - box.min.y,
+               dz = double{box.max.z} - box.min.z;
+  return 2 * (dx * dy + dy * dz + dz * dx);
+}
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_MODEL_BOX_H_
