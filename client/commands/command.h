@@ -1,0 +1,41 @@
+#ifndef TREELIGHT_CLIENT_COMMANDS_COMMAND_H_
+#define TREELIGHT_CLIENT_COMMANDS_COMMAND_H_
+
+#include <chrono>
+#include <functional>
+#include <string>
+
+#include "CLI/CLI.hpp"
+#include "absl/status/status.h"
+
+namespace treelight::client {
+
+/// What the flags in front of the subcommand say, and the subcommand that was chosen.
+struct GlobalOptions {
+  std::string server = "127.0.0.1:7543";  ///< target as PhotonMapClient takes it
+  std::chrono::milliseconds timeout{};    ///< of each call to the server; 0: none
+  /// The work of the subcommand, set when it is parsed and run after that. Its status decides how
+  /// `treelight` ends: 0 where it is OK, 3 where it is UNAVAILABLE (no server answers), else 1 with
+  /// its message on one line.
+  std::function<absl::Status()> action;
+};
+
+// Each function below adds one subcommand to `app`. When the subcommand is parsed, it sets
+// `global.action`; the fields of `global` are final only when the action runs. `app` and `global`
+// must outlive each other's use. What is wrong with the command line itself is thrown as
+// CLI::ValidationError from the subcommand's callback, and ends with exit code 2.
+
+void AddDevicesCommand(CLI::App& app, GlobalOptions& global);  ///< `devices`: devices of the server
+void AddInfoCommand(CLI::App& app,
+                    GlobalOptions& global);  ///< `info`: version, limits and load of the server
+void AddBuildCommand(CLI::App& app,
+                     GlobalOptions& global);  ///< `build`: a photon file becomes a map
+void AddGatherCommand(CLI::App& app,
+                      GlobalOptions& global);  ///< `gather`: a query file becomes answers in CSV
+void AddMapsCommand(CLI::App& app, GlobalOptions& global);  ///< `maps`: list, show and delete maps
+void AddRenderCommand(CLI::App& app,
+                      GlobalOptions& global);  ///< `render`: a scene becomes a picture
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_COMMANDS_COMMAND_H_
