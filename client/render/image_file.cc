@@ -1,0 +1,146 @@
+#include "client/render/image_file.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <filesystem>
+#include <system_error>
+#include <vector>
+
+#include "OpenEXR/ImfArray.h"
+#include "OpenEXR/ImfChannelList.h"
+#include "OpenEXR/ImfFrameBuffer.h"
+#include "OpenEXR/ImfHeader.h"
+#include "OpenEXR/ImfInputFile.h"
+#include "OpenEXR/ImfOutputFile.h"
+#include "fmt/format.h"
+#include "half.h"
+#include "stb_image_write.h"
+
+namespace treelight::client {
+namespace {
+
+constexpr const char* kChannels[] = {"R", "G", "B"};
+/// Largest side of a picture that is read: a header is not to be trusted with memory.
+constexpr int kMaxSide = 1 << 15;
+
+std::string Ending(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return ending;
+}
+
+absl::Status CannotWrite(const std::string& path, const std::string& reason) {
+  return absl::UnknownError(fmt::format("cannot write {}: {}", path, reason));
+}
+
+absl::Status WritePng(const Image& image, const std::string& path, float exposure) {
+  const float scale = std::exp2(exposure);
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(3 * image.pixels.size());
+  for (const Rgb& pixel : image.pixels) {
+    for (const float channel : {pixel.r, pixel.g, pixel.b}) {
+      bytes.push_back(EncodeSrgb(scale * channel));
+    }
+  }
+  errno = 0;
+  if (stbi_write_png(path.c_str(), image.width, image.height, 3, bytes.data(), 3 * image.width) ==
+      0) {
+    return CannotWrite(path, errno != 0 ? std::strerror(errno) : "PNG encoder failed");
+  }
+  return absl::OkStatus();
+}
+
+/// The three channels of rows of `Pixel`, which holds three numbers of type `type`.
+template <typename Pixel>
+Imf::FrameBuffer MakeFrameBuffer(Imf::PixelType type, Pixel* pixels, int first_x, int first_y,
+                                 int width) {
+  // Imf addresses pixel (x, y) as base + x * x_stride + y * y_stride, with x and y of the data
+  // window.
+  const std::size_t row = sizeof(Pixel) * static_cast<std::size_t>(width);
+  char* const base = reinterpret_cast<char*>(pixels) -
+                     static_cast<std::ptrdiff_t>(sizeof(Pixel)) * first_x -
+                     static_cast<std::ptrdiff_t>(row) * first_y;
+  Imf::FrameBuffer buffer;
+  for (std::size_t c = 0; c < 3; ++c) {
+    buffer.insert(kChannels[c], Imf::Slice(type, base + c * sizeof(Pixel) / 3, sizeof(Pixel), row));
+  }
+  return buffer;
+}
+
+absl::Status WriteExr(const Image& image, const std::string& path, ExrPixels pixels) {
+  const Imf::PixelType type = pixels == ExrPixels::kHalf ? Imf::HALF : Imf::FLOAT;
+  std::vector<Rgb> floats = image.pixels;
+  std::vector<std::array<half, 3>> halves;
+  if (pixels == ExrPixels::kHalf) {
+    for (const Rgb& p : floats) halves.push_back({half(p.r), half(p.g), half(p.b)});
+  }
+  try {
+    Imf::Header header(image.width, image.height);
+    header.compression() = Imf::ZIP_COMPRESSION;
+    for (const char* name : kChannels) header.channels().insert(name, Imf::Channel(type));
+    Imf::OutputFile file(path.c_str(), header);
+    file.setFrameBuffer(pixels == ExrPixels::kHalf
+                            ? MakeFrameBuffer(type, halves.data(), 0, 0, image.width)
+                            : MakeFrameBuffer(type, floats.data(), 0, 0, image.width));
+    file.writePixels(image.height);
+  } catch (const std::exception& error) {
+    return CannotWrite(path, error.what());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::uint8_t EncodeSrgb(float linear) {
+  if (!(linear > 0)) return 0;
+  const float x = std::min(linear, 1.0f);
+  const float encoded = x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1 / 2.4f) - 0.055f;
+  return static_cast<std::uint8_t>(std::lround(255 * encoded));
+}
+
+bool IsImagePath(const std::string& path) {
+  const std::string ending = Ending(path);
+  return ending == ".png" || ending == ".exr";
+}
+
+absl::Status WriteImage(const Image& image, const std::string& path,
+                        const ImageFileOptions& options) {
+  const std::string ending = Ending(path);
+  if (ending == ".png") return WritePng(image, path, options.exposure);
+  if (ending == ".exr") return WriteExr(image, path, options.pixels);
+  return absl::InvalidArgumentError(fmt::format("{} ends neither in .png nor in .exr", path));
+}
+
+absl::StatusOr<Image> ReadExr(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) {
+    return absl::NotFoundError(fmt::format("there is no file {}", path));
+  }
+  try {
+    Imf::InputFile file(path.c_str());
+    const Imath::Box2i window = file.header().dataWindow();
+    const auto width = std::int64_t{window.max.x} - window.min.x + 1;
+    const auto height = std::int64_t{window.max.y} - window.min.y + 1;
+    if (width > kMaxSide || height > kMaxSide) {
+      return absl::InvalidArgumentError(
+          fmt::format("{}: {} x {} pixels; at most {} a side", path, width, height, kMaxSide));
+    }
+    for (const char* name : kChannels) {
+      if (file.header().channels().findChannel(name) == nullptr) {
+        return absl::InvalidArgumentError(fmt::format("{}: there is no channel {}", path, name));
+      }
+    }
+    Image image(static_cast<int>(width), static_cast<int>(height));
+    file.setFrameBuffer(
+        MakeFrameBuffer(Imf::FLOAT, image.pixels.data(), window.min.x, window.min.y, image.width));
+    file.readPixels(window.min.y, window.max.y);
+    return image;
+  } catch (const std::exception& damage) {
+    return absl::InvalidArgumentError(fmt::format("{}: {}", path, damage.what()));
+  }
+}
+
+}  // namespace treelight::client

@@ -1,0 +1,41 @@
+#ifndef TREELIGHT_CLIENT_RENDER_IMAGE_FILE_H_
+#define TREELIGHT_CLIENT_RENDER_IMAGE_FILE_H_
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/render/image.h"
+
+namespace treelight::client {
+
+/// The sRGB transfer function (IEC 61966-2-1): linear [0, 1] to the 8-bit code; clamps, NaN becomes
+/// 0.
+std::uint8_t EncodeSrgb(float linear);
+
+enum class ExrPixels {
+  kHalf,   ///< 16 bits, 11 of them significant
+  kFloat,  ///< 32 bits
+};
+
+struct ImageFileOptions {
+  float exposure = 0;  ///< PNG: stops; linear values are multiplied with 2^exposure
+  ExrPixels pixels = ExrPixels::kHalf;  ///< EXR
+};
+
+/// Whether WriteImage knows the ending of `path`.
+bool IsImagePath(const std::string& path);
+
+/// Writes an 8-bit sRGB PNG or a linear EXR (ZIP), as the ending of `path` says.
+/// INVALID_ARGUMENT: another ending. UNKNOWN: the file cannot be written; the message says why.
+absl::Status WriteImage(const Image& image, const std::string& path,
+                        const ImageFileOptions& options = {});
+
+/// Reads channels R, G, B of an EXR. NOT_FOUND: there is no such file. INVALID_ARGUMENT: it is
+/// damaged or has no such channels; the message names the file.
+absl::StatusOr<Image> ReadExr(const std::string& path);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_RENDER_IMAGE_FILE_H_

@@ -1,0 +1,68 @@
+#ifndef TREELIGHT_CLIENT_SCENES_SCENE_H_
+#define TREELIGHT_CLIENT_SCENES_SCENE_H_
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "client/scenes/color.h"
+#include "core/model/box.h"
+
+namespace treelight::client {
+
+/// How a surface scatters light.
+enum class Surface {
+  kDiffuse,     ///< Lambertian, both sides alike
+  kMirror,      ///< ideal reflection, both sides alike
+  kDielectric,  ///< smooth boundary to a medium with index `ior`; Fresnel, no absorption
+};
+
+struct Material {
+  std::string name;
+  Surface surface = Surface::kDiffuse;
+  Rgb reflectance;    ///< kDiffuse, kMirror: [0, 1]; the rest is absorbed
+  float ior = 1;      ///< kDielectric: index of the inside relative to the outside, > 0
+  Rgb emission = {};  ///< radiance of the front side, W / unit^2 / sr, the same in all directions
+};
+
+/// Triangles that share one array of vertices. The front is where the corners run
+/// counter-clockwise.
+struct Mesh {
+  std::vector<Vec3> vertices;                         ///< scene units
+  std::vector<std::array<std::uint32_t, 3>> corners;  ///< of each triangle: indices of vertices
+  std::vector<std::uint32_t> materials;  ///< of each triangle: index into Scene::materials
+};
+
+/// An analytic sphere, so that caustics are not broken up by facets. The front is the outside.
+struct Sphere {
+  Vec3 center;
+  float radius = 1;            ///< scene units, > 0
+  std::uint32_t material = 0;  ///< index into Scene::materials; spheres do not emit
+};
+
+/// Pinhole camera with square pixels.
+struct Camera {
+  Vec3 position;                    ///< scene units
+  Vec3 target;                      ///< the point in the middle of the picture
+  Vec3 up = {0, 1, 0};              ///< not parallel to the view
+  float vertical_fov_degrees = 40;  ///< angle between lower and upper edge, (0, 180)
+};
+
+/// All that is traced: shapes, how they scatter and emit, and where it is seen from. Light comes
+/// from triangles whose material emits.
+struct Scene {
+  std::string name;
+  std::vector<Material> materials;
+  Mesh mesh;
+  std::vector<Sphere> spheres;
+  Camera camera;
+};
+
+/// Appends the quadrilateral a, b, c, d, counter-clockwise seen from its front, as two triangles.
+void AddQuad(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, std::uint32_t material,
+             Mesh& mesh);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_SCENES_SCENE_H_

@@ -1,0 +1,67 @@
+#ifndef TREELIGHT_CLIENT_TRACE_INTERSECTOR_H_
+#define TREELIGHT_CLIENT_TRACE_INTERSECTOR_H_
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "absl/status/statusor.h"
+#include "client/scenes/scene.h"
+
+namespace treelight::client {
+
+struct Ray {
+  Vec3 origin;
+  Vec3 direction;  ///< unit
+};
+
+/// Where a ray meets a surface.
+struct Hit {
+  Vec3 position;
+  Vec3 normal;                            ///< unit, geometric, on the side that the ray comes from
+  float distance = 0;                     ///< scene units
+  bool front = true;                      ///< the ray comes from the front of the surface
+  const Material* material = nullptr;     ///< of the Intersector's scene
+  std::optional<std::uint32_t> triangle;  ///< index in Scene::mesh; nothing for a sphere
+};
+
+/// `position` moved off its surface to the side of the unit vector `normal`, just beyond the
+/// rounding of `position` (Waechter and Binder 2019, "A Fast and Robust Method for Avoiding
+/// Self-Intersection").
+Vec3 OffsetFromSurface(const Vec3& position, const Vec3& normal);
+
+/// The ray that leaves the surface at `hit` in unit direction `direction`, on whichever side that
+/// is.
+Ray LeaveSurface(const Hit& hit, const Vec3& direction);
+
+/// A scene that rays can be shot at, on Embree 3. Immutable; safe to call from several threads at
+/// once.
+class Intersector {
+ public:
+  /// Keeps `scene` and builds the acceleration structure. INVALID_ARGUMENT: an index out of range,
+  /// a radius that is not positive or a sphere that emits. INTERNAL: Embree failed; the message is
+  /// Embree's.
+  static absl::StatusOr<Intersector> Create(Scene scene);
+
+  Intersector(Intersector&&) noexcept;
+  Intersector& operator=(Intersector&&) noexcept;
+  ~Intersector();
+
+  /// The nearest surface that the ray meets, if any.
+  std::optional<Hit> Intersect(const Ray& ray) const;
+
+  /// Whether something stands on the line between two points, ends included: move each off its
+  /// surface.
+  bool Occluded(const Vec3& from, const Vec3& to) const;
+
+  const Scene& scene() const;
+
+ private:
+  struct Impl;
+  explicit Intersector(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_TRACE_INTERSECTOR_H_

@@ -1,0 +1,34 @@
+#include "client/trace/random.h"
+
+namespace treelight::client {
+
+std::array<std::uint32_t, 4> Philox(std::array<std::uint32_t, 4> counter,
+                                    std::array<std::uint32_t, 2> key) {
+  for (int round = 0; round < 10; ++round) {
+    const std::uint64_t product0 = std::uint64_t{0xD2511F53} * counter[0];
+    const std::uint64_t product1 = std::uint64_t{0xCD9E8D57} * counter[2];
+    counter = {static_cast<std::uint32_t>(product1 >> 32) ^ counter[1] ^ key[0],
+               static_cast<std::uint32_t>(product1),
+               static_cast<std::uint32_t>(product0 >> 32) ^ counter[3] ^ key[1],
+               static_cast<std::uint32_t>(product0)};
+    key[0] += 0x9E3779B9;
+    key[1] += 0xBB67AE85;
+  }
+  return counter;
+}
+
+RandomStream::RandomStream(std::uint64_t seed, RandomPurpose purpose, std::uint64_t index)
+    : key_{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32)},
+      counter_{0, static_cast<std::uint32_t>(purpose), static_cast<std::uint32_t>(index),
+               static_cast<std::uint32_t>(index >> 32)} {}
+
+float RandomStream::Uniform() {
+  if (used_ == 4) {
+    block_ = Philox(counter_, key_);
+    ++counter_[0];
+    used_ = 0;
+  }
+  return static_cast<float>(block_[used_++] >> 8) * 0x1p-24f;
+}
+
+}  // namespace treelight::client
