@@ -26,7 +26,7 @@ struct MapRef {
 struct UploadOptions {
   v1::BuildOptions build;                    ///< zeros: the server's defaults
   std::chrono::milliseconds time_to_live{};  ///< 0: the map stays
-  std::string request_id;                    ///< empty: a random one, so that a retry inside the library is safe
+  std::string request_id;  ///< empty: a random one, so that a retry inside the library is safe
   /// Called after every chunk with photons sent so far, on the calling thread.
   std::function<void(std::uint64_t photons_sent)> progress;
 };
@@ -40,14 +40,15 @@ struct GatherAnswer {
 
 /// Blocking client of the Treelight service. Safe to call from several threads at once.
 ///
-/// Every call returns the server's status: the code and message that photon_map.proto documents; UNAVAILABLE where no
-/// server answers. `timeout` bounds each call; zero means none.
+/// Every call returns the server's status: the code and message that photon_map.proto documents;
+/// UNAVAILABLE where no server answers. `timeout` bounds each call; zero means none.
 class PhotonMapClient {
  public:
   /// `target` as gRPC takes it: "127.0.0.1:7543", "unix:/run/treelight.sock". Does not connect yet.
   explicit PhotonMapClient(const std::string& target, std::chrono::milliseconds timeout = {});
   /// On a channel of the caller's, an in-process one for example.
-  explicit PhotonMapClient(std::shared_ptr<grpc::Channel> channel, std::chrono::milliseconds timeout = {});
+  explicit PhotonMapClient(std::shared_ptr<grpc::Channel> channel,
+                           std::chrono::milliseconds timeout = {});
   ~PhotonMapClient();
 
   absl::StatusOr<v1::ServerInfo> GetServerInfo();
@@ -56,12 +57,14 @@ class PhotonMapClient {
   absl::StatusOr<std::uint32_t> DeletePhotonMap(const MapRef& map);  ///< versions deleted
 
   /// Uploads `photons` in chunks and builds a map named `name`.
-  absl::StatusOr<v1::BuildPhotonMapResponse> BuildPhotonMap(const std::string& name, const Photons& photons,
+  absl::StatusOr<v1::BuildPhotonMapResponse> BuildPhotonMap(const std::string& name,
+                                                            const Photons& photons,
                                                             const UploadOptions& options = {});
 
-  /// Answers a batch of any size: it goes to the server in parts over one stream, and the parts are put together.
-  /// All parts are answered by one version.
-  absl::StatusOr<GatherAnswer> Gather(const MapRef& map, const GatherQueries& queries, const GatherOptions& options);
+  /// Answers a batch of any size: it goes to the server in parts over one stream, and the parts are
+  /// put together. All parts are answered by one version.
+  absl::StatusOr<GatherAnswer> Gather(const MapRef& map, const GatherQueries& queries,
+                                      const GatherOptions& options);
 
  private:
   friend class GatherPipeline;
@@ -69,17 +72,20 @@ class PhotonMapClient {
   std::unique_ptr<Impl> impl_;
 };
 
-/// A stream of batches: the caller prepares the next batch while the server answers the last, so neither waits.
-/// Not thread-safe. A batch must fit one message (ServerLimits); its answer may be of any size.
+/// A stream of batches: the caller prepares the next batch while the server answers the last, so
+/// neither waits. Not thread-safe. A batch must fit one message (ServerLimits); its answer may be
+/// of any size.
 class GatherPipeline {
  public:
   /// Opens a stream on `client`, which must outlive it.
   GatherPipeline(PhotonMapClient& client, MapRef map, GatherOptions options);
   ~GatherPipeline();  ///< cancels what was not received
 
-  /// Sends a batch; blocks while the server is more than its read-ahead behind. Returns the error of the stream.
+  /// Sends a batch; blocks while the server is more than its read-ahead behind. Returns the error
+  /// of the stream.
   absl::Status Send(const GatherQueries& queries);
-  /// Waits for the answer of the oldest batch that was sent and not received. FAILED_PRECONDITION: there is none.
+  /// Waits for the answer of the oldest batch that was sent and not received. FAILED_PRECONDITION:
+  /// there is none.
   absl::StatusOr<GatherAnswer> Receive();
 
  private:

@@ -1,0 +1,34 @@
+#ifndef TREELIGHT_CLIENT_PHOTON_PLY_H_
+#define TREELIGHT_CLIENT_PHOTON_PLY_H_
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/model/photons.h"
+
+namespace treelight::client {
+
+/// Writes `photons` as binary little-endian PLY, a vertex each, in order of index:
+///   float x, y, z                               scene units
+///   float power_red, power_green, power_blue    W; where there are powers
+///   short dir_u, dir_v                          octahedral (core/model/octahedral.h); where there
+///   are directions uchar red, green, blue                      where there are powers: the power
+///   relative to the strongest one, with
+///                                               a gamma of 2.2, so that viewers show colours; not
+///                                               read back
+/// What is read back is the same bit by bit. Replaces `path` only when all is written; until then
+/// it is PATH.part. INVALID_ARGUMENT: arrays of unequal length. NOT_FOUND, RESOURCE_EXHAUSTED and
+/// the like: the file cannot be written, with the system's reason.
+absl::Status WritePhotonPly(const std::string& path, const Photons& photons);
+
+/// Reads photons from a PLY file, ASCII or binary: x, y, z, and as the file has them all of
+/// power_red, power_green, power_blue, and dir_u, dir_v or nx, ny, nz (a vector of any length but
+/// 0; dir_u, dir_v win). Other properties and elements are skipped; doubles are rounded to float32.
+/// Errors as PlyReader's; INVALID_ARGUMENT also for a number that is not finite or out of range,
+/// and for some but not all of a triple.
+absl::StatusOr<Photons> ReadPhotonPly(const std::string& path);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_PHOTON_PLY_H_
