@@ -33,11 +33,13 @@ class Builder {
  public:
   virtual ~Builder() = default;
 
-  /// Builds a map over `photons` and blocks until it can answer. No photons is a map too: its answers are empty.
-  /// INVALID_ARGUMENT: arrays of unequal length, a coordinate that is not finite or beyond kMaxCoordinate, an option
-  /// out of range; the message names field, index and value. RESOURCE_EXHAUSTED: larger than one device buffer or the
-  /// device's memory; the message names the limit. CANCELLED: `cancelled` said so. INTERNAL: the device failed.
-  virtual absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons, const BuildOptions& options,
+  /// Builds a map over `photons` and blocks until it can answer. No photons is a map too: its
+  /// answers are empty. INVALID_ARGUMENT: arrays of unequal length, a coordinate that is not finite
+  /// or beyond kMaxCoordinate, an option out of range; the message names field, index and value.
+  /// RESOURCE_EXHAUSTED: larger than one device buffer or the device's memory; the message names
+  /// the limit. CANCELLED: `cancelled` said so. INTERNAL: the device failed.
+  virtual absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
+                                                          const BuildOptions& options,
                                                           const CancelCheck& cancelled = {}) = 0;
 };
 
@@ -58,17 +60,20 @@ struct DeviceInfo {
 std::vector<DeviceInfo> ListDevices();
 
 struct DeviceOptions {
-  std::string device;           ///< empty: the first one; else an index, or part of a name, case ignored
-  std::string cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
+  std::string device;  ///< empty: the first one; else an index, or part of a name, case ignored
+  std::string
+      cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
 };
 
-/// A builder on an OpenCL device, its kernels compiled. NOT_FOUND: no such device; the message lists those there are.
+/// A builder on an OpenCL device, its kernels compiled. NOT_FOUND: no such device; the message
+/// lists those there are.
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options = {});
 
 /// The device that a MakeDeviceBuilder with the same options takes.
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options = {});
 
-/// The plain reference on the CPU: compares every query with every photon, in float32 as the devices do.
+/// The plain reference on the CPU: compares every query with every photon, in float32 as the
+/// devices do.
 std::unique_ptr<Builder> MakeBruteForceBuilder();
 
 }  // namespace treelight

@@ -18,8 +18,9 @@ absl::Status CheckPositions(std::span<const float> positions) {
   }
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (!(std::fabs(positions[i]) <= kMaxCoordinate)) {  // also catches NaN
-      return absl::InvalidArgumentError(fmt::format("positions[{}] of query {} is {}, it must be finite and within {:g}",
-                                                    i, i / 3, positions[i], kMaxCoordinate));
+      return absl::InvalidArgumentError(
+          fmt::format("positions[{}] of query {} is {}, it must be finite and within {:g}", i,
+                      i / 3, positions[i], kMaxCoordinate));
     }
   }
   return absl::OkStatus();
@@ -31,7 +32,8 @@ absl::Status CheckRadii(const GatherQueries& queries, const GatherOptions& optio
         fmt::format("radii: {} numbers for {} queries", queries.radii.size(), queries.size()));
   }
   const auto check = [&](float radius, const std::string& name) -> absl::Status {
-    if (!(radius >= 0)) return absl::InvalidArgumentError(fmt::format("{} is {}, it must be >= 0", name, radius));
+    if (!(radius >= 0))
+      return absl::InvalidArgumentError(fmt::format("{} is {}, it must be >= 0", name, radius));
     if (options.k == 0 && std::isinf(radius)) {
       return absl::InvalidArgumentError(
           fmt::format("k is 0 and {} is unlimited: give k > 0 or a finite radius", name));
@@ -54,12 +56,13 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
         fmt::format("normals: {} numbers for {} queries", queries.normals.size(), queries.size()));
   }
   if (!map.has_directions()) {
-    return absl::InvalidArgumentError("normals: the map has no directions; build it with directions or leave them out");
+    return absl::InvalidArgumentError(
+        "normals: the map has no directions; build it with directions or leave them out");
   }
   for (std::size_t i = 0; i < queries.normals.size(); ++i) {
     if (!std::isfinite(queries.normals[i])) {
-      return absl::InvalidArgumentError(
-          fmt::format("normals[{}] of query {} is {}, it must be finite", i, i / 3, queries.normals[i]));
+      return absl::InvalidArgumentError(fmt::format(
+          "normals[{}] of query {} is {}, it must be finite", i, i / 3, queries.normals[i]));
     }
   }
   return absl::OkStatus();
@@ -67,13 +70,15 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
 
 }  // namespace
 
-absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries, const GatherOptions& options) {
+absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,
+                         const GatherOptions& options) {
   if (options.outputs == 0 || (options.outputs & ~kAllOutputs) != 0) {
     return absl::InvalidArgumentError(
         fmt::format("outputs is {}, it must be a sum of known outputs and not 0", options.outputs));
   }
   if (options.k > kMaxNeighbors) {
-    return absl::InvalidArgumentError(fmt::format("k is {}, at most {} is possible", options.k, kMaxNeighbors));
+    return absl::InvalidArgumentError(
+        fmt::format("k is {}, at most {} is possible", options.k, kMaxNeighbors));
   }
   if ((options.outputs & kOutputDensity) != 0 && !map.has_powers() && map.photon_count() > 0) {
     return absl::InvalidArgumentError("outputs: DENSITY needs powers; the map has none");
@@ -82,8 +87,8 @@ absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries, cons
     return absl::InvalidArgumentError(
         fmt::format("kernel is {}, no such kernel", static_cast<std::uint32_t>(options.kernel)));
   }
-  for (const absl::Status& status :
-       {CheckPositions(queries.positions), CheckRadii(queries, options), CheckNormals(map, queries)}) {
+  for (const absl::Status& status : {CheckPositions(queries.positions),
+                                     CheckRadii(queries, options), CheckNormals(map, queries)}) {
     if (!status.ok()) return status;
   }
   return absl::OkStatus();

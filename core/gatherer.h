@@ -14,10 +14,12 @@
 
 namespace treelight {
 
-/// Polled between launches of long work; true means "stop": the work then returns CANCELLED. Empty means never.
+/// Polled between launches of long work; true means "stop": the work then returns CANCELLED. Empty
+/// means never.
 using CancelCheck = std::function<bool()>;
 
-/// Weight of a photon at distance d of a gather of radius R, each normalised over the disc of radius R.
+/// Weight of a photon at distance d of a gather of radius R, each normalised over the disc of
+/// radius R.
 enum class DensityKernel : std::uint32_t {
   kConstant = kKernelConstant,          ///< 1 / (pi R^2)
   kCone = kKernelCone,                  ///< 3 (1 - d/R) / (pi R^2)
@@ -26,11 +28,12 @@ enum class DensityKernel : std::uint32_t {
 
 /// What to gather around each query.
 struct GatherOptions {
-  /// Neighbours kept: the k with the smallest (squared distance, photon index). 0 means all within `radius`, which
-  /// must then be finite. At most kMaxNeighbors.
+  /// Neighbours kept: the k with the smallest (squared distance, photon index). 0 means all within
+  /// `radius`, which must then be finite. At most kMaxNeighbors.
   std::uint32_t k = 0;
-  float radius = std::numeric_limits<float>::infinity();  ///< r, scene units, >= 0; within means d2 <= r*r
-  std::uint32_t outputs = kOutputCount;                   ///< mask of kOutput bits, not 0
+  float radius =
+      std::numeric_limits<float>::infinity();  ///< r, scene units, >= 0; within means d2 <= r*r
+  std::uint32_t outputs = kOutputCount;        ///< mask of kOutput bits, not 0
   DensityKernel kernel = DensityKernel::kEpanechnikov;
 };
 
@@ -40,8 +43,9 @@ inline constexpr std::uint32_t kMaxNeighbors = 4096;
 /// Queries of one batch; the caller keeps the arrays alive. m is positions.size() / 3.
 struct GatherQueries {
   std::span<const float> positions;  ///< [3m] scene units, finite, within kMaxCoordinate
-  std::span<const float> normals;    ///< [3m] or empty; DENSITY then leaves out photons with direction . normal >= 0
-  std::span<const float> radii;      ///< [m] or empty; instead of GatherOptions::radius
+  std::span<const float>
+      normals;  ///< [3m] or empty; DENSITY then leaves out photons with direction . normal >= 0
+  std::span<const float> radii;  ///< [m] or empty; instead of GatherOptions::radius
 
   std::size_t size() const { return positions.size() / 3; }
 };
@@ -58,14 +62,16 @@ struct GatherResult {
   std::vector<std::uint32_t> counts;  ///< [m] photons found, at most k where k > 0
   /// [m] distance of the k-th photon where k were found, else r (which may be +inf), scene units
   std::vector<float> radii;
-  /// [m * k] where k > 0: nearest first, padded with kNoPhoton and +inf. Where k is 0: the lists of all queries one
-  /// after the other; list i is [neighbor_offsets[i], neighbor_offsets[i + 1]).
+  /// [m * k] where k > 0: nearest first, padded with kNoPhoton and +inf. Where k is 0: the lists of
+  /// all queries one after the other; list i is [neighbor_offsets[i], neighbor_offsets[i + 1]).
   std::vector<std::uint32_t> neighbor_ids;
   std::vector<float> neighbor_squared_distances;
   std::vector<std::uint64_t> neighbor_offsets;  ///< [m + 1] where k is 0, else empty
-  /// [3m] sum of power * kernel(d / R), R as in `radii`, W / unit^2, RGB; 0 where R is 0 or infinite
+  /// [3m] sum of power * kernel(d / R), R as in `radii`, W / unit^2, RGB; 0 where R is 0 or
+  /// infinite
   std::vector<float> densities;
-  std::vector<std::uint32_t> nodes_visited;   ///< [m] inner nodes + leaves whose content was examined
+  std::vector<std::uint32_t>
+      nodes_visited;  ///< [m] inner nodes + leaves whose content was examined
   std::vector<std::uint32_t> distance_tests;  ///< [m] photons compared
   GatherTimes times;
 };
@@ -78,11 +84,11 @@ struct StageTime {
 
 /// How a map was built.
 struct BuildReport {
-  std::string builder;                ///< "lbvh", "brute_force"
-  std::string device;                 ///< name of the device that holds the map
-  std::uint64_t device_bytes = 0;     ///< held while the map lives
-  std::vector<StageTime> stages;      ///< in the order in which they ran
-  TreeStatistics tree;                ///< zeros for brute force
+  std::string builder;             ///< "lbvh", "brute_force"
+  std::string device;              ///< name of the device that holds the map
+  std::uint64_t device_bytes = 0;  ///< held while the map lives
+  std::vector<StageTime> stages;   ///< in the order in which they ran
+  TreeStatistics tree;             ///< zeros for brute force
 };
 
 /// A photon map that answers gathers. Immutable; safe to call from several threads at once.
@@ -91,10 +97,12 @@ class Gatherer {
   virtual ~Gatherer() = default;
 
   /// Answers every query, exactly. Blocks until the answers are here.
-  /// INVALID_ARGUMENT: k and radius both unlimited, k over kMaxNeighbors, outputs 0 or unknown, arrays of unequal
-  /// length, DENSITY of a map without powers, normals for a map without directions. RESOURCE_EXHAUSTED: the answer
-  /// or its work space does not fit the device. CANCELLED: `cancelled` said so.
-  virtual absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
+  /// INVALID_ARGUMENT: k and radius both unlimited, k over kMaxNeighbors, outputs 0 or unknown,
+  /// arrays of unequal length, DENSITY of a map without powers, normals for a map without
+  /// directions. RESOURCE_EXHAUSTED: the answer or its work space does not fit the device.
+  /// CANCELLED: `cancelled` said so.
+  virtual absl::StatusOr<GatherResult> Gather(const GatherQueries& queries,
+                                              const GatherOptions& options,
                                               const CancelCheck& cancelled = {}) const = 0;
 
   /// Copies the tree to the host, for validation and statistics. UNIMPLEMENTED where there is none.
@@ -107,7 +115,8 @@ class Gatherer {
 };
 
 /// The checks that every Gatherer makes before it works; see Gatherer::Gather.
-absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries, const GatherOptions& options);
+absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,
+                         const GatherOptions& options);
 
 }  // namespace treelight
 

@@ -18,7 +18,8 @@ struct Candidate {
 };
 
 /// One query against every photon.
-std::vector<Candidate> FindNeighbors(const Photons& photons, const Vec3& center, std::uint32_t k, float radius) {
+std::vector<Candidate> FindNeighbors(const Photons& photons, const Vec3& center, std::uint32_t k,
+                                     float radius) {
   const float squared_radius = radius * radius;
   std::vector<Candidate> found;
   for (std::uint32_t i = 0; i < photons.size(); ++i) {
@@ -47,8 +48,8 @@ double KernelWeight(DensityKernel kernel, double squared_distance, double radius
 }
 
 /// Density in double, so that the devices' float sums can be judged by it.
-void AddDensity(const Photons& photons, const std::vector<Candidate>& found, const float* normal, DensityKernel kernel,
-                float radius, float* density) {
+void AddDensity(const Photons& photons, const std::vector<Candidate>& found, const float* normal,
+                DensityKernel kernel, float radius, float* density) {
   double sum[3] = {0, 0, 0};
   if (!(radius > 0) || std::isinf(radius)) return;
   for (const auto& [d2, id] : found) {
@@ -85,7 +86,9 @@ class BruteForce : public Gatherer {
     return Write(queries, options, lists, limits);
   }
 
-  absl::StatusOr<Tree> ReadTree() const override { return absl::UnimplementedError("brute force has no tree"); }
+  absl::StatusOr<Tree> ReadTree() const override {
+    return absl::UnimplementedError("brute force has no tree");
+  }
   std::size_t photon_count() const override { return photons_.size(); }
   bool has_powers() const override { return !photons_.powers.empty(); }
   bool has_directions() const override { return !photons_.directions.empty(); }
@@ -93,7 +96,8 @@ class BruteForce : public Gatherer {
 
  private:
   GatherResult Write(const GatherQueries& queries, const GatherOptions& options,
-                     const std::vector<std::vector<Candidate>>& lists, const std::vector<float>& limits) const {
+                     const std::vector<std::vector<Candidate>>& lists,
+                     const std::vector<float>& limits) const {
     const std::size_t m = lists.size();
     const auto wants = [&](std::uint32_t output) { return (options.outputs & output) != 0; };
     GatherResult result;
@@ -101,8 +105,9 @@ class BruteForce : public Gatherer {
     if (wants(kOutputNeighbors) && options.k == 0) result.neighbor_offsets.push_back(0);
     for (std::size_t i = 0; i < m; ++i) {
       const auto& list = lists[i];
-      const float radius =
-          options.k > 0 && list.size() == options.k ? std::sqrt(list.back().squared_distance) : limits[i];
+      const float radius = options.k > 0 && list.size() == options.k
+                               ? std::sqrt(list.back().squared_distance)
+                               : limits[i];
       if (wants(kOutputCount)) result.counts.push_back(static_cast<std::uint32_t>(list.size()));
       if (wants(kOutputRadius)) result.radii.push_back(radius);
       if (wants(kOutputNeighbors)) {
@@ -118,8 +123,8 @@ class BruteForce : public Gatherer {
         }
       }
       if (wants(kOutputDensity) && has_powers()) {
-        AddDensity(photons_, list, queries.normals.empty() ? nullptr : &queries.normals[3 * i], options.kernel, radius,
-                   &result.densities[3 * i]);
+        AddDensity(photons_, list, queries.normals.empty() ? nullptr : &queries.normals[3 * i],
+                   options.kernel, radius, &result.densities[3 * i]);
       }
       if (wants(kOutputStatistics)) {
         result.nodes_visited.push_back(0);
@@ -135,7 +140,8 @@ class BruteForce : public Gatherer {
 
 class BruteForceBuilder : public Builder {
  public:
-  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons, const BuildOptions& options,
+  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
+                                                  const BuildOptions& options,
                                                   const CancelCheck& cancelled) override {
     if (const auto status = CheckBuild(photons, options); !status.ok()) return status;
     if (cancelled && cancelled()) return absl::CancelledError("build cancelled");

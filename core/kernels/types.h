@@ -1,26 +1,28 @@
-/* Structures and constants that the host and the OpenCL kernels share. Compiled by both: scalars only. */
+/* Structures and constants that the host and the OpenCL kernels share. Compiled by both: scalars
+ * only. */
 #ifndef TREELIGHT_CORE_KERNELS_TYPES_H_
 #define TREELIGHT_CORE_KERNELS_TYPES_H_
 
-#ifndef __OPENCL_VERSION__
+#ifndef __OPENCL_C_VERSION__
 #include <cstdint>
 namespace treelight {
 using uint = std::uint32_t;
 #endif
 
-/** A child link with this bit is a leaf, the other bits are its first photon in leaf order; without it
- * the link is the index of a node. */
+/** A child link with this bit is a leaf, the other bits are its first photon in leaf order; without
+ * it the link is the index of a node. */
 #define kLeafBit 0x80000000u
 
 /** Marks "no photon" in padded neighbour lists. */
 #define kNoPhoton 0xffffffffu
 
-/** Deepest path from the root that a tree may have, in edges; the traversal stack has as many places. */
+/** Deepest path from the root that a tree may have, in edges; the traversal stack has as many
+ * places. */
 #define kMaxDepth 128
 
-/** Inner node of the tree: the tight boxes of both children, so that one read decides which to visit.
- * Node i separates leaf i from leaf i + 1 in leaf order (Apetrei 2014 numbers nodes this way).
- * 64 bytes; the smallest photon index below each child, needed for ties alone, lies apart. */
+/** Inner node of the tree: the tight boxes of both children, so that one read decides which to
+ * visit. Node i separates leaf i from leaf i + 1 in leaf order (Apetrei 2014 numbers nodes this
+ * way). 64 bytes; the smallest photon index below each child, needed for ties alone, lies apart. */
 typedef struct Node {
   float left_min[3], left_max[3], right_min[3], right_max[3]; /**< scene units */
   uint left, right;             /**< child: index of a node, or kLeafBit | first photon */
@@ -32,7 +34,6 @@ typedef struct Root {
   float min[3], max[3]; /**< tight box of all photons, scene units */
   uint link;            /**< as a child link; undefined where count is 0 */
   uint count;           /**< photons */
-  uint min_id;          /**< smallest photon index: 0 */
 } Root;
 
 /** Photon in leaf order: position in scene units, index in the order of upload. 16 bytes. */
@@ -41,13 +42,24 @@ typedef struct LeafPhoton {
   uint id;
 } LeafPhoton;
 
-/** Maps a position to a Morton cell: cell = min((p - min) * prescale * scale, cells - 1), each product
- * rounded. `prescale` is 1, or a power of two that lifts an extent too small for its reciprocal. */
+/** Maps a position to a Morton cell: cell = min((p - min) * prescale * scale, cells - 1), each
+ * product rounded. `prescale` is 1, or a power of two that lifts an extent too small for its
+ * reciprocal. */
 typedef struct MortonGrid {
   float min[3];
   float prescale;
   float scale[3];
 } MortonGrid;
+
+/** A split level orders the boundaries between neighbours in leaf order: of the two boundaries of a
+ * subtree, the one with the larger level is where the subtree meets its sibling. Levels below
+ * kLevelIndex come from positions; kLevelIndex and up split photons by their place alone. */
+#define kLevelIndex 128u
+#define kLevelSame 254u /**< all photons of this run of equal codes are at one position */
+#define kLevelTied 255u /**< equal codes, not yet told apart */
+
+/** Bits of a code that tells apart the photons of a run of equal codes. */
+#define kTieBits 30u
 
 /** Bits of an output mask. */
 #define kOutputCount 1u
@@ -61,7 +73,20 @@ typedef struct MortonGrid {
 #define kKernelCone 1u
 #define kKernelEpanechnikov 2u
 
-#ifndef __OPENCL_VERSION__
+/** Arguments of the gather kernels that are the same for all queries of a launch. */
+typedef struct GatherParams {
+  Root root;
+  uint first, count;   /**< queries of this launch, in the order of work */
+  uint k;              /**< neighbours kept, 0: no cap */
+  float radius;        /**< scene units, where there are no radii for each query */
+  uint outputs;        /**< mask of kOutput bits */
+  uint density_kernel; /**< kKernel */
+  uint has_order;      /**< queries are worked on in the order of an array */
+  uint has_radii;      /**< a radius for each query */
+  uint has_normals;    /**< a normal for each query */
+} GatherParams;
+
+#ifndef __OPENCL_C_VERSION__
 static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16);
 }  // namespace treelight
 #endif

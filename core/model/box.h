@@ -13,12 +13,10 @@ struct Vec3 {
 };
 
 /// Component `axis` (0, 1, 2) of `v`.
-inline float Component(const Vec3& v, int axis) {
-  return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
-}
+inline float Component(const Vec3& v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
-/// Squared distance as every part of Treelight computes it: float32, rounded after each operation, never
-/// contracted to a fused multiply-add, (dx*dx + dy*dy) + dz*dz. Scene units squared.
+/// Squared distance as every part of Treelight computes it: float32, rounded after each operation,
+/// never contracted to a fused multiply-add, (dx*dx + dy*dy) + dz*dz. Scene units squared.
 inline float SquaredDistance(const Vec3& a, const Vec3& b) {
   const float dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z;
   return (dx * dx + dy * dy) + dz * dz;

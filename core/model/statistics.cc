@@ -35,7 +35,8 @@ TreeStatistics ComputeStatistics(const Tree& tree) {
     }
     ++statistics.node_count;
     const Node& node = tree.nodes[visit.link];
-    area += SurfaceArea(MakeBox(node.left_min, node.left_max)) + SurfaceArea(MakeBox(node.right_min, node.right_max));
+    area += SurfaceArea(MakeBox(node.left_min, node.left_max)) +
+            SurfaceArea(MakeBox(node.right_min, node.right_max));
     stack.push_back({node.left, visit.depth + 1});
     stack.push_back({node.right, visit.depth + 1});
   }

@@ -10,33 +10,36 @@
 
 namespace treelight {
 
-/// k-d tree: siblings' boxes are separable by an axis-aligned plane, touching allowed. BVH: siblings may overlap.
+/// k-d tree: siblings' boxes are separable by an axis-aligned plane, touching allowed. BVH:
+/// siblings may overlap.
 enum class TreeKind { kKdTree, kBvh };
 
 /// Binary tree over photons, as builders make it; nodes are described in kernels/types.h.
 struct Tree {
   TreeKind kind = TreeKind::kKdTree;
-  std::uint32_t max_leaf_size = 16;    ///< B, photons
+  std::uint32_t max_leaf_size = 16;  ///< B, photons
   Root root{};
-  std::vector<Node> nodes;             ///< [leaf_count - 1]; child links index it
-  std::vector<std::uint32_t> min_ids;  ///< [2 * nodes] smallest photon index below each left, right child
-  std::vector<LeafPhoton> photons;     ///< [n] in leaf order
+  std::vector<Node> nodes;  ///< [leaf_count - 1]; child links index it
+  std::vector<std::uint32_t>
+      min_ids;  ///< [2 * nodes] smallest photon index below each left, right child
+  std::vector<LeafPhoton> photons;  ///< [n] in leaf order
 };
 
 /// Proves invariants 1 to 5 for `tree` over `photons`: every photon in exactly one leaf;
-/// boxes, counts and smallest indices tight; siblings of a k-d tree separable; leaves of at most B photons; depth
-/// at most kMaxDepth. Returns INTERNAL naming the node and the invariant that does not hold.
+/// boxes, counts and smallest indices tight; siblings of a k-d tree separable; leaves of at most B
+/// photons; depth at most kMaxDepth. Returns INTERNAL naming the node and the invariant that does
+/// not hold.
 absl::Status ValidateTree(const Tree& tree, const Photons& photons);
 
 /// What a tree looks like from outside, whatever builder made it.
 struct TreeStatistics {
   std::uint32_t node_count = 0;  ///< inner nodes
   std::uint32_t leaf_count = 0;
-  std::uint32_t depth = 0;       ///< edges from the root to the deepest leaf
-  double mean_leaf_depth = 0;    ///< edges, over leaves
-  double leaf_fill = 0;          ///< photons per leaf, mean
-  /// Surface area of all nodes, leaves included, relative to the root's: Bulavintsev and Zhdanov 2020 with both
-  /// constants 1. 0 where the root has no area.
+  std::uint32_t depth = 0;     ///< edges from the root to the deepest leaf
+  double mean_leaf_depth = 0;  ///< edges, over leaves
+  double leaf_fill = 0;        ///< photons per leaf, mean
+  /// Surface area of all nodes, leaves included, relative to the root's: Bulavintsev and Zhdanov
+  /// 2020 with both constants 1. 0 where the root has no area.
   double sah_cost = 0;
 };
 

@@ -1,0 +1,171 @@
+#include "core/device/device.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "core/device/guard.h"
+#include "core/device/kernel_source.h"
+#include "fmt/format.h"
+
+namespace treelight {
+namespace {
+
+struct FoundDevice {
+  cl::Device device;
+  DeviceInfo info;
+};
+
+std::string TypeName(cl_device_type type) {
+  if ((type & CL_DEVICE_TYPE_GPU) != 0) return "gpu";
+  if ((type & CL_DEVICE_TYPE_CPU) != 0) return "cpu";
+  return "other";
+}
+
+DeviceInfo Describe(const cl::Platform& platform, const cl::Device& device) {
+  DeviceInfo info;
+  info.name = device.getInfo<CL_DEVICE_NAME>();
+  info.platform = platform.getInfo<CL_PLATFORM_NAME>();
+  info.driver = device.getInfo<CL_DRIVER_VERSION>();
+  info.type = TypeName(device.getInfo<CL_DEVICE_TYPE>());
+  info.compute_units = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
+  info.memory_bytes = device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>();
+  info.max_buffer_bytes = device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
+  return info;
+}
+
+/// All devices, GPUs first, then CPUs, then others; in the loader's order within a type.
+std::vector<FoundDevice> FindDevices() {
+  std::vector<FoundDevice> found;
+  std::vector<cl::Platform> platforms;
+  try {
+    cl::Platform::get(&platforms);
+  } catch (const cl::Error&) {
+    return found;  // the loader calls "no platform" an error
+  }
+  for (const cl::Platform& platform : platforms) {
+    std::vector<cl::Device> devices;
+    try {
+      platform.getDevices(CL_DEVICE_TYPE_ALL, &devices);
+    } catch (const cl::Error&) {
+      continue;  // a platform without a device
+    }
+    for (const cl::Device& device : devices) {
+      if (device.getInfo<CL_DEVICE_AVAILABLE>() == CL_FALSE) continue;
+      found.push_back({device, Describe(platform, device)});
+    }
+  }
+  const auto rank = [](const FoundDevice& d) {
+    return d.info.type == "gpu" ? 0 : d.info.type == "cpu" ? 1 : 2;
+  };
+  std::stable_sort(found.begin(), found.end(),
+                   [&](const FoundDevice& a, const FoundDevice& b) { return rank(a) < rank(b); });
+  for (std::size_t i = 0; i < found.size(); ++i) found[i].info.index = static_cast<int>(i);
+  return found;
+}
+
+/// The device that `wanted` names: nothing, an index, or part of a name. Throws StatusError.
+FoundDevice Choose(const std::string& wanted) {
+  const auto found = FindDevices();
+  if (found.empty()) {
+    throw StatusError(
+        absl::NotFoundError("no OpenCL device: install a driver, or pocl-opencl-icd for the CPU; "
+                            "`clinfo -l` lists what is seen"));
+  }
+  if (wanted.empty()) return found[0];
+  std::size_t index = 0;
+  const char* end = wanted.data() + wanted.size();
+  const bool is_index = std::from_chars(wanted.data(), end, index).ptr == end;
+  std::string names;
+  for (const FoundDevice& d : found) {
+    const bool match = is_index ? d.info.index == static_cast<int>(index)
+                                : absl::StrContains(absl::AsciiStrToLower(d.info.name),
+                                                    absl::AsciiStrToLower(wanted));
+    if (match) return d;
+    names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", d.info.index, d.info.name);
+  }
+  throw StatusError(
+      absl::NotFoundError(fmt::format("device \"{}\" is none of those here ({})", wanted, names)));
+}
+
+/// OpenCL C 3.0 where the device has atomics of device scope, else 1.2; see bottom_up.cl.
+std::string LanguageOption(const cl::Device& device) {
+  constexpr cl_device_info kOpenClCFeatures = 0x106F;  // CL_DEVICE_OPENCL_C_FEATURES of OpenCL 3.0
+  struct NameVersion {
+    cl_uint version;
+    char name[64];
+  };
+  std::size_t bytes = 0;
+  if (clGetDeviceInfo(device(), kOpenClCFeatures, 0, nullptr, &bytes) != CL_SUCCESS)
+    return "-cl-std=CL1.2";
+  std::vector<NameVersion> features(bytes / sizeof(NameVersion));
+  if (clGetDeviceInfo(device(), kOpenClCFeatures, bytes, features.data(), nullptr) != CL_SUCCESS) {
+    return "-cl-std=CL1.2";
+  }
+  const auto has = [&](std::string_view name) {
+    return std::any_of(features.begin(), features.end(),
+                       [&](const NameVersion& f) { return name == f.name; });
+  };
+  return has("__opencl_c_atomic_order_acq_rel") && has("__opencl_c_atomic_scope_device")
+             ? "-cl-std=CL3.0"
+             : "-cl-std=CL1.2";
+}
+
+/// The cache folder that `options` names; PoCL's own cache goes into it too, unless the user has
+/// placed that.
+std::filesystem::path CacheDirectory(const DeviceOptions& options) {
+  if (options.cache_directory.empty()) return DefaultCacheDirectory();
+  setenv("POCL_CACHE_DIR", (std::filesystem::path(options.cache_directory) / "pocl").c_str(),
+         /*replace=*/0);
+  return options.cache_directory;
+}
+
+}  // namespace
+
+std::vector<DeviceInfo> ListDevices() {
+  std::vector<DeviceInfo> infos;
+  for (FoundDevice& found : FindDevices()) infos.push_back(std::move(found.info));
+  return infos;
+}
+
+absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
+  return Guard([&]() -> absl::StatusOr<DeviceInfo> { return Choose(options.device).info; });
+}
+
+std::shared_ptr<Device> Device::Open(const DeviceOptions& options) {
+  (void)CacheDirectory(options);  // before the first OpenCL call: PoCL reads its variable once
+  FoundDevice found = Choose(options.device);
+  return std::shared_ptr<Device>(
+      new Device(std::move(found.device), std::move(found.info), options));
+}
+
+Device::Device(cl::Device device, DeviceInfo info, const DeviceOptions& options)
+    : device_(std::move(device)),
+      info_(std::move(info)),
+      context_(device_),
+      queue_(context_, device_, CL_QUEUE_PROFILING_ENABLE),
+      programs_(context_, device_, CacheDirectory(options)),
+      build_options_(LanguageOption(device_)),
+      local_memory_bytes_(device_.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()) {
+  // Without the flag one GPU's sqrt and division miss the last bit; a device that lacks it is exact
+  // or says so here.
+  if ((device_.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT) == 0) {
+    throw StatusError(absl::InternalError(fmt::format(
+        "device {} has no correctly rounded division: its answers would differ in the last bit",
+        info_.name)));
+  }
+  build_options_ += " -cl-fp32-correctly-rounded-divide-sqrt";
+}
+
+cl::Program Device::Program(const std::vector<std::string_view>& files,
+                            const std::string& defines) {
+  std::string source(KernelSource("types.h"));
+  source += KernelSource("common.cl");
+  for (const std::string_view file : files) source += KernelSource(file);
+  return programs_.Get(source, build_options_ + " " + defines);
+}
+
+}  // namespace treelight

@@ -1,0 +1,44 @@
+#ifndef TREELIGHT_CORE_GPU_GPU_H_
+#define TREELIGHT_CORE_GPU_GPU_H_
+
+#include <cstddef>
+#include <memory>
+#include <type_traits>
+
+#include "core/device/device.h"
+
+namespace treelight {
+
+/// Work-items of a work-group of every kernel but the gathers; the kernels' GROUP_SIZE.
+inline constexpr std::size_t kGroupSize = 256;
+
+/// A device with the compiled kernels of all stages. Cheap to copy.
+struct Gpu {
+  std::shared_ptr<Device> device;
+  cl::Program stages;         ///< bounds, morton, split_levels, ties, leaves, hierarchy, scan
+  cl::Program sort_32;        ///< radix_sort of 32-bit keys
+  cl::Program sort_64;        ///< radix_sort of 64-bit keys
+  cl::Program gather;         ///< gather_nearest with heaps in local memory, gather_range
+  cl::Program gather_global;  ///< gather_nearest with heaps in global memory, gather_list
+
+  const cl::Context& context() const { return device->context(); }
+  cl::CommandQueue& queue() const { return device->queue(); }
+};
+
+/// Opens the device and compiles the kernels, or takes them from the cache. Throws as Device::Open.
+Gpu OpenGpu(const DeviceOptions& options);
+
+/// Enqueues kernel `name` with at least `items` work-items, rounded up to whole work-groups of
+/// `group_size`; nothing where items is 0. Throws cl::Error.
+template <typename... Args>
+void Launch(const Gpu& gpu, const cl::Program& program, const char* name, std::size_t items,
+            std::size_t group_size, const Args&... args) {
+  if (items == 0) return;
+  const std::size_t padded = (items + group_size - 1) / group_size * group_size;
+  cl::KernelFunctor<Args...> kernel(program, name);
+  kernel(cl::EnqueueArgs(gpu.queue(), cl::NDRange(padded), cl::NDRange(group_size)), args...);
+}
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_GPU_GPU_H_

@@ -1,0 +1,152 @@
+#include <mutex>
+#include <utility>
+
+#include "core/builder.h"
+#include "core/device/guard.h"
+#include "core/device/stage_timer.h"
+#include "core/gpu/bounds.h"
+#include "core/gpu/gpu_gatherer.h"
+#include "core/gpu/hierarchy.h"
+#include "core/gpu/leaves.h"
+#include "core/gpu/morton.h"
+#include "core/gpu/radix_sort.h"
+#include "core/gpu/split_levels.h"
+#include "core/gpu/ties.h"
+#include "core/model/morton_grid.h"
+#include "core/model/tree.h"
+#include "fmt/format.h"
+
+namespace treelight {
+namespace {
+
+void ThrowIfCancelled(const CancelCheck& cancelled) {
+  if (cancelled && cancelled()) throw StatusError(absl::CancelledError("build cancelled"));
+}
+
+/// RESOURCE_EXHAUSTED where a map of these photons cannot lie on the device; names the limit.
+absl::Status CheckFits(const DeviceInfo& device, const Photons& photons,
+                       const BuildOptions& options) {
+  const std::uint64_t largest =
+      photons.size() * sizeof(LeafPhoton);  // no other array of a map is larger
+  if (largest > device.max_buffer_bytes) {
+    return absl::ResourceExhaustedError(fmt::format(
+        "photons: {} need a buffer of {} bytes, device {} allows {} bytes, that is {} photons",
+        photons.size(), largest, device.name, device.max_buffer_bytes,
+        device.max_buffer_bytes / sizeof(LeafPhoton)));
+  }
+  const std::uint64_t code_bytes = options.morton_bits == MortonBits::k63 ? 8 : 4;
+  const std::uint64_t build_bytes = photons.size() * (12 + 16 + 2 * (code_bytes + 4) + 4 + 1) +
+                                    4 * photons.powers.size() + 2 * photons.directions.size();
+  if (build_bytes > device.memory_bytes) {
+    return absl::ResourceExhaustedError(
+        fmt::format("photons: {} need about {} bytes to build, device {} has {}", photons.size(),
+                    build_bytes, device.name, device.memory_bytes));
+  }
+  return absl::OkStatus();
+}
+
+/// The photons in Morton order, with the level of each boundary between neighbours.
+struct SortedPhotons {
+  Buffer<cl_uint> ids;      // [n]
+  Buffer<cl_uchar> levels;  // [n - 1]
+};
+
+template <typename Key>
+SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                          const MortonGrid& grid, unsigned code_bits, StageTimer& timer) {
+  KeyValues<Key> codes(gpu.context(), count);
+  ComputeMortonCodes(gpu, positions, count, grid, codes);
+  timer.Mark("morton");
+  RadixSort(gpu, codes, count, code_bits);
+  timer.Mark("sort");
+  Buffer<cl_uchar> levels(gpu.context(), count - 1);
+  ComputeSplitLevels(gpu, codes.keys, count, levels);
+  timer.Mark("levels");
+  return {std::move(codes.values), std::move(levels)};
+}
+
+DeviceTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                     const Box& bounds, const BuildOptions& options, const CancelCheck& cancelled,
+                     StageTimer& timer) {
+  const MortonGrid grid = MakeMortonGrid(bounds, options.morton_bits);
+  const auto bits = static_cast<unsigned>(options.morton_bits);
+  const SortedPhotons sorted = options.morton_bits == MortonBits::k63
+                                   ? SortPhotons<cl_ulong>(gpu, positions, count, grid, bits, timer)
+                                   : SortPhotons<cl_uint>(gpu, positions, count, grid, bits, timer);
+  BreakTies(gpu, positions, count, bits, options.max_leaf_size, sorted.ids, sorted.levels,
+            cancelled);
+  timer.Mark("ties");
+  const Leaves leaves = FindLeaves(gpu, sorted.levels, count, options.max_leaf_size);
+  timer.Mark("leaves");
+  Buffer<LeafPhoton> photons = PermutePhotons(gpu, positions, sorted.ids, count);
+  timer.Mark("permute");
+  ThrowIfCancelled(cancelled);
+  DeviceTree tree = BuildHierarchy(gpu, sorted.levels, leaves, std::move(photons));
+  timer.Mark("hierarchy");
+  return tree;
+}
+
+class GpuBuilder : public Builder {
+ public:
+  explicit GpuBuilder(Gpu gpu) : gpu_(std::move(gpu)) {}
+
+  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
+                                                  const BuildOptions& options,
+                                                  const CancelCheck& cancelled) override {
+    if (const auto status = CheckBuild(photons, options); !status.ok()) return status;
+    if (const auto status = CheckFits(gpu_.device->info(), photons, options); !status.ok())
+      return status;
+    const std::lock_guard lock(gpu_.device->mutex());
+    return Guard([&]() -> absl::StatusOr<std::unique_ptr<Gatherer>> {
+      ThrowIfCancelled(cancelled);
+      return MakeGpuGatherer(BuildMap(photons, options, cancelled));
+    });
+  }
+
+ private:
+  DeviceMap BuildMap(const Photons& photons, const BuildOptions& options,
+                     const CancelCheck& cancelled) const {
+    const std::size_t count = photons.size();
+    DeviceMap map;
+    map.gpu = gpu_;
+    map.photon_count = count;
+    map.has_powers = !photons.powers.empty();
+    map.has_directions = !photons.directions.empty();
+    map.max_leaf_size = options.max_leaf_size;
+    map.report.builder = "lbvh";
+    map.report.device = gpu_.device->info().name;
+
+    StageTimer timer(gpu_.queue());
+    const auto positions = MakeBuffer<float>(gpu_.context(), gpu_.queue(), photons.positions);
+    map.powers = MakeBuffer<float>(gpu_.context(), gpu_.queue(), photons.powers);
+    map.directions = MakeBuffer<cl_short>(gpu_.context(), gpu_.queue(), photons.directions);
+    timer.Mark("upload");
+    const Box bounds = ComputeBounds(gpu_, positions, count);
+    timer.Mark("bounds");
+    map.grid = MakeMortonGrid(bounds, MortonBits::k30);
+    if (count > 0) {
+      map.tree = BuildTree(gpu_, positions, count, bounds, options, cancelled, timer);
+    } else {
+      map.tree.nodes = Buffer<Node>(gpu_.context(), 0);
+      map.tree.min_ids = Buffer<cl_uint>(gpu_.context(), 0);
+      map.tree.photons = Buffer<LeafPhoton>(gpu_.context(), 0);
+    }
+    map.report.stages = timer.Finish();
+    map.report.device_bytes = map.tree.nodes.bytes() + map.tree.min_ids.bytes() +
+                              map.tree.photons.bytes() + map.powers.bytes() +
+                              map.directions.bytes();
+    return map;
+  }
+
+  Gpu gpu_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options) {
+  return Guard([&]() -> absl::StatusOr<std::unique_ptr<Builder>> {
+    return std::make_unique<GpuBuilder>(OpenGpu(options));
+  });
+}
+
+}  // namespace treelight

@@ -1,0 +1,280 @@
+#include "core/gpu/gpu_gatherer.h"
+
+#include <algorithm>
+#include <bit>
+#include <functional>
+#include <mutex>
+#include <numeric>
+#include <utility>
+
+#include "core/device/guard.h"
+#include "core/device/stage_timer.h"
+#include "core/gpu/morton.h"
+#include "core/gpu/radix_sort.h"
+#include "fmt/format.h"
+
+namespace treelight {
+namespace {
+
+// Queries of one launch at most, so that a cancelled call stops soon.
+constexpr std::size_t kQueriesPerLaunchGpu = 1 << 18;
+constexpr std::size_t kQueriesPerLaunchCpu = 1 << 14;
+// From this many queries on, sorting them pays.
+constexpr std::size_t kSortedQueries = 4096;
+// Space for heaps in global memory, where k is too large for local memory.
+constexpr std::size_t kGlobalHeapBytes = std::size_t{256} << 20;
+
+/// The arrays of one batch on the device.
+struct BatchBuffers {
+  Buffer<float> positions, radii_in, normals;
+  Buffer<cl_uint> order;
+  Buffer<cl_uint> counts, neighbor_ids, visited, tested;
+  Buffer<float> radii, neighbor_d2, densities;
+};
+
+void ThrowIfCancelled(const CancelCheck& cancelled) {
+  if (cancelled && cancelled()) throw StatusError(absl::CancelledError("gather cancelled"));
+}
+
+class GpuGatherer : public Gatherer {
+ public:
+  explicit GpuGatherer(DeviceMap map) : map_(std::move(map)) {}
+
+  absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
+                                      const CancelCheck& cancelled) const override {
+    if (const auto status = CheckGather(*this, queries, options); !status.ok()) return status;
+    if (const auto status = CheckFits(queries, options); !status.ok()) return status;
+    const std::lock_guard lock(map_.gpu.device->mutex());
+    return Guard(
+        [&]() -> absl::StatusOr<GatherResult> { return Run(queries, options, cancelled); });
+  }
+
+  absl::StatusOr<Tree> ReadTree() const override {
+    const std::lock_guard lock(map_.gpu.device->mutex());
+    return Guard([&]() -> absl::StatusOr<Tree> {
+      const cl::CommandQueue& queue = map_.gpu.queue();
+      return Tree{.kind = TreeKind::kKdTree,
+                  .max_leaf_size = map_.max_leaf_size,
+                  .root = map_.tree.root,
+                  .nodes = map_.tree.nodes.Read(queue),
+                  .min_ids = map_.tree.min_ids.Read(queue),
+                  .photons = map_.tree.photons.Read(queue)};
+    });
+  }
+
+  std::size_t photon_count() const override { return map_.photon_count; }
+  bool has_powers() const override { return map_.has_powers; }
+  bool has_directions() const override { return map_.has_directions; }
+  const BuildReport& report() const override { return map_.report; }
+
+ private:
+  absl::Status CheckFits(const GatherQueries& queries, const GatherOptions& options) const;
+  GatherResult Run(const GatherQueries& queries, const GatherOptions& options,
+                   const CancelCheck& cancelled) const;
+  BatchBuffers Upload(const GatherQueries& queries, const GatherOptions& options) const;
+  GatherParams MakeParams(const GatherQueries& queries, const GatherOptions& options) const;
+  void GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                     const CancelCheck& cancelled) const;
+  void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                   const CancelCheck& cancelled) const;
+  void GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                   const CancelCheck& cancelled, GatherResult& result) const;
+
+  std::size_t QueriesPerLaunch() const {
+    return map_.gpu.device->is_cpu() ? kQueriesPerLaunchCpu : kQueriesPerLaunchGpu;
+  }
+  // A CPU runs the items of a group one after the other: small groups balance better. A GPU wants
+  // at least two sub-groups of 32.
+  std::size_t GatherGroupSize() const { return map_.gpu.device->is_cpu() ? 16 : 64; }
+
+  DeviceMap map_;
+};
+
+absl::Status GpuGatherer::CheckFits(const GatherQueries& queries,
+                                    const GatherOptions& options) const {
+  if (options.k == 0 || (options.outputs & kOutputNeighbors) == 0) return absl::OkStatus();
+  const std::uint64_t bytes = queries.size() * options.k * sizeof(cl_uint);
+  const std::uint64_t limit = map_.gpu.device->info().max_buffer_bytes;
+  if (bytes <= limit) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      fmt::format("neighbors: {} queries with k {} need a buffer of {} bytes, the device allows "
+                  "{}: ask for at most "
+                  "{} queries at once",
+                  queries.size(), options.k, bytes, limit, limit / (options.k * sizeof(cl_uint))));
+}
+
+BatchBuffers GpuGatherer::Upload(const GatherQueries& queries, const GatherOptions& options) const {
+  const Gpu& gpu = map_.gpu;
+  const std::size_t m = queries.size();
+  const auto wants = [&](std::uint32_t output) { return (options.outputs & output) != 0; };
+  BatchBuffers batch;
+  batch.positions = MakeBuffer(gpu.context(), gpu.queue(), queries.positions);
+  batch.radii_in = MakeBuffer(gpu.context(), gpu.queue(), queries.radii);
+  batch.normals = MakeBuffer(gpu.context(), gpu.queue(), queries.normals);
+  const bool lists = wants(kOutputNeighbors) && options.k == 0;
+  batch.counts = Buffer<cl_uint>(gpu.context(), wants(kOutputCount) || lists ? m : 0);
+  batch.radii = Buffer<float>(gpu.context(), wants(kOutputRadius) ? m : 0);
+  batch.densities = Buffer<float>(gpu.context(), wants(kOutputDensity) ? 3 * m : 0);
+  batch.neighbor_ids = Buffer<cl_uint>(gpu.context(), wants(kOutputNeighbors) ? m * options.k : 0);
+  batch.neighbor_d2 = Buffer<float>(gpu.context(), wants(kOutputNeighbors) ? m * options.k : 0);
+  batch.visited = Buffer<cl_uint>(gpu.context(), wants(kOutputStatistics) ? m : 0);
+  batch.tested = Buffer<cl_uint>(gpu.context(), wants(kOutputStatistics) ? m : 0);
+  return batch;
+}
+
+GatherParams GpuGatherer::MakeParams(const GatherQueries& queries,
+                                     const GatherOptions& options) const {
+  GatherParams params{};
+  params.root = map_.tree.root;
+  params.k = options.k;
+  params.radius = options.radius;
+  params.outputs = map_.has_powers ? options.outputs : options.outputs & ~kOutputDensity;
+  params.density_kernel = static_cast<cl_uint>(options.kernel);
+  params.has_order = queries.size() >= kSortedQueries ? 1 : 0;
+  params.has_radii = queries.radii.empty() ? 0 : 1;
+  params.has_normals = queries.normals.empty() ? 0 : 1;
+  return params;
+}
+
+GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions& options,
+                              const CancelCheck& cancelled) const {
+  const Gpu& gpu = map_.gpu;
+  const std::size_t m = queries.size();
+  GatherResult result;
+  StageTimer timer(gpu.queue());
+  BatchBuffers batch = Upload(queries, options);
+  timer.Mark("upload");
+
+  GatherParams params = MakeParams(queries, options);
+  if (params.has_order != 0) {
+    KeyValues<cl_uint> codes(gpu.context(), m);
+    ComputeMortonCodes(gpu, batch.positions, m, map_.grid, codes);
+    RadixSort(gpu, codes, m, 30);
+    batch.order = std::move(codes.values);
+  } else {
+    batch.order = Buffer<cl_uint>(gpu.context(), 0);
+  }
+  if (options.k > 0) {
+    GatherNearest(batch, params, m, cancelled);
+  } else if ((options.outputs & kOutputNeighbors) != 0) {
+    GatherLists(batch, params, m, cancelled, result);
+  } else {
+    GatherRange(batch, params, m, cancelled);
+  }
+  timer.Mark("kernel");
+
+  const cl::CommandQueue& queue = gpu.queue();
+  if ((options.outputs & kOutputCount) != 0) result.counts = batch.counts.Read(queue);
+  result.radii = batch.radii.Read(queue);
+  result.densities =
+      map_.has_powers ? batch.densities.Read(queue) : std::vector<float>(batch.densities.size());
+  result.nodes_visited = batch.visited.Read(queue);
+  result.distance_tests = batch.tested.Read(queue);
+  if (options.k > 0) {
+    result.neighbor_ids = batch.neighbor_ids.Read(queue);
+    result.neighbor_squared_distances = batch.neighbor_d2.Read(queue);
+  }
+  timer.Mark("download");
+  const std::vector<StageTime> stages = timer.Finish();
+  result.times = {stages[0].microseconds, stages[1].microseconds, stages[2].microseconds};
+  return result;
+}
+
+void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                                const CancelCheck& cancelled) const {
+  const Gpu& gpu = map_.gpu;
+  const std::size_t group = GatherGroupSize();
+  // The heaps lie in local memory while that leaves room for another group beside this one.
+  const std::size_t local_bytes = params.k * group * sizeof(cl_ulong);
+  const bool fits = local_bytes <= gpu.device->local_memory_bytes() / 2 + 2048;
+  std::size_t per_launch = QueriesPerLaunch();
+  if (!fits) {
+    per_launch =
+        std::min(per_launch, kGlobalHeapBytes / (params.k * sizeof(cl_ulong)) / group * group);
+  }
+  per_launch = std::min(per_launch, (count + group - 1) / group * group);
+  const auto launch = [&](const cl::Program& program, const auto& heaps) {
+    for (std::size_t first = 0; first < count; first += per_launch) {
+      ThrowIfCancelled(cancelled);
+      params.first = static_cast<cl_uint>(first);
+      params.count = static_cast<cl_uint>(std::min(per_launch, count - first));
+      Launch(gpu, program, "gather_nearest", params.count, group, map_.tree.nodes.get(),
+             map_.tree.min_ids.get(), map_.tree.photons.get(), map_.powers.get(),
+             map_.directions.get(), batch.positions.get(), batch.order.get(), batch.radii_in.get(),
+             batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
+             batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get(),
+             batch.visited.get(), batch.tested.get(), heaps);
+      if (cancelled) gpu.queue().finish();
+    }
+  };
+  if (fits) {
+    launch(gpu.gather, cl::Local(local_bytes));
+  } else {
+    launch(gpu.gather_global, Buffer<cl_ulong>(gpu.context(), per_launch * params.k).get());
+  }
+}
+
+void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                              const CancelCheck& cancelled) const {
+  const Gpu& gpu = map_.gpu;
+  for (std::size_t first = 0; first < count; first += QueriesPerLaunch()) {
+    ThrowIfCancelled(cancelled);
+    params.first = static_cast<cl_uint>(first);
+    params.count = static_cast<cl_uint>(std::min(QueriesPerLaunch(), count - first));
+    Launch(gpu, gpu.gather, "gather_range", params.count, GatherGroupSize(), map_.tree.nodes.get(),
+           map_.tree.photons.get(), map_.powers.get(), map_.directions.get(), batch.positions.get(),
+           batch.order.get(), batch.radii_in.get(), batch.normals.get(), params, batch.counts.get(),
+           batch.radii.get(), batch.densities.get(), batch.visited.get(), batch.tested.get());
+    if (cancelled) gpu.queue().finish();
+  }
+}
+
+void GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                              const CancelCheck& cancelled, GatherResult& result) const {
+  // The counts tell where each list begins.
+  const Gpu& gpu = map_.gpu;
+  GatherParams counting = params;
+  counting.outputs |= kOutputCount;
+  GatherRange(batch, counting, count, cancelled);
+  const std::vector<cl_uint> counts = batch.counts.Read(gpu.queue());
+  result.neighbor_offsets.assign(count + 1, 0);
+  std::inclusive_scan(counts.begin(), counts.end(), result.neighbor_offsets.begin() + 1,
+                      std::plus<>(), std::uint64_t{0});
+  const std::uint64_t total = result.neighbor_offsets.back();
+  if (total * sizeof(cl_ulong) > gpu.device->info().max_buffer_bytes) {
+    throw StatusError(absl::ResourceExhaustedError(
+        fmt::format("neighbors: the lists of {} queries hold {} photons, a buffer of the device "
+                    "holds {}: ask for "
+                    "fewer queries at once or a smaller radius",
+                    count, total, gpu.device->info().max_buffer_bytes / sizeof(cl_ulong))));
+  }
+  const std::vector<cl_ulong> firsts(result.neighbor_offsets.begin(),
+                                     result.neighbor_offsets.end());
+  const auto offsets = MakeBuffer<cl_ulong>(gpu.context(), gpu.queue(), firsts);
+  const Buffer<cl_ulong> candidates(gpu.context(), total);
+  for (std::size_t first = 0; first < count; first += QueriesPerLaunch()) {
+    ThrowIfCancelled(cancelled);
+    params.first = static_cast<cl_uint>(first);
+    params.count = static_cast<cl_uint>(std::min(QueriesPerLaunch(), count - first));
+    Launch(gpu, gpu.gather_global, "gather_list", params.count, GatherGroupSize(),
+           map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(), batch.order.get(),
+           batch.radii_in.get(), params, offsets.get(), candidates.get());
+    if (cancelled) gpu.queue().finish();
+  }
+  const std::vector<cl_ulong> found = candidates.Read(gpu.queue());
+  result.neighbor_ids.resize(total);
+  result.neighbor_squared_distances.resize(total);
+  for (std::uint64_t i = 0; i < total; ++i) {
+    result.neighbor_ids[i] = static_cast<std::uint32_t>(found[i]);
+    result.neighbor_squared_distances[i] =
+        std::bit_cast<float>(static_cast<std::uint32_t>(found[i] >> 32));
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<Gatherer> MakeGpuGatherer(DeviceMap map) {
+  return std::make_unique<GpuGatherer>(std::move(map));
+}
+
+}  // namespace treelight

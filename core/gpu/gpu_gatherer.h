@@ -1,0 +1,32 @@
+#ifndef TREELIGHT_CORE_GPU_GPU_GATHERER_H_
+#define TREELIGHT_CORE_GPU_GPU_GATHERER_H_
+
+#include <memory>
+#include <string>
+
+#include "core/gatherer.h"
+#include "core/gpu/gpu.h"
+#include "core/gpu/hierarchy.h"
+
+namespace treelight {
+
+/// A finished map on a device.
+struct DeviceMap {
+  Gpu gpu;
+  DeviceTree tree;
+  Buffer<float> powers;         ///< [3n] or empty, in order of photon index, W
+  Buffer<cl_short> directions;  ///< [2n] or empty, in order of photon index, octahedral
+  MortonGrid grid{};            ///< of the 30-bit codes: queries are worked on in its order
+  std::size_t photon_count = 0;
+  bool has_powers = false;
+  bool has_directions = false;
+  std::uint32_t max_leaf_size = 16;
+  BuildReport report;
+};
+
+/// Answers gathers of `map` on its device.
+std::unique_ptr<Gatherer> MakeGpuGatherer(DeviceMap map);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_GPU_GPU_GATHERER_H_

@@ -1,0 +1,24 @@
+#include "core/gpu/hierarchy.h"
+
+#include <utility>
+
+namespace treelight {
+
+DeviceTree BuildHierarchy(const Gpu& gpu, const Buffer<cl_uchar>& levels, const Leaves& leaves,
+                          Buffer<LeafPhoton> photons) {
+  const std::size_t node_count = leaves.leaf_count - 1;
+  DeviceTree tree{{},
+                  Buffer<Node>(gpu.context(), node_count),
+                  Buffer<cl_uint>(gpu.context(), 2 * node_count),
+                  std::move(photons)};
+  const Buffer<cl_uint> meetings(gpu.context(), node_count);
+  meetings.Fill(gpu.queue(), kNoPhoton);  // NOBODY
+  const Buffer<Root> root(gpu.context(), 1);
+  Launch(gpu, gpu.stages, "hierarchy", leaves.leaf_count, kGroupSize, levels.get(),
+         leaves.firsts.get(), static_cast<cl_uint>(leaves.leaf_count), tree.photons.get(),
+         meetings.get(), tree.nodes.get(), tree.min_ids.get(), root.get());
+  tree.root = root.Read(gpu.queue())[0];
+  return tree;
+}
+
+}  // namespace treelight

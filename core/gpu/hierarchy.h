@@ -1,0 +1,26 @@
+#ifndef TREELIGHT_CORE_GPU_HIERARCHY_H_
+#define TREELIGHT_CORE_GPU_HIERARCHY_H_
+
+#include "core/device/buffer.h"
+#include "core/gpu/gpu.h"
+#include "core/gpu/leaves.h"
+#include "core/kernels/types.h"
+
+namespace treelight {
+
+/// The tree on the device; core/model/tree.h says what the arrays hold.
+struct DeviceTree {
+  Root root{};
+  Buffer<Node> nodes;          ///< [leaf_count - 1]
+  Buffer<cl_uint> min_ids;     ///< [2 * nodes]
+  Buffer<LeafPhoton> photons;  ///< [n]
+};
+
+/// Builds the tree over `leaves` of `photons` in leaf order, at least one, from the split levels
+/// (hierarchy.cl). Waits.
+DeviceTree BuildHierarchy(const Gpu& gpu, const Buffer<cl_uchar>& levels, const Leaves& leaves,
+                          Buffer<LeafPhoton> photons);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_GPU_HIERARCHY_H_

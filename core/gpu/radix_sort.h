@@ -1,0 +1,26 @@
+#ifndef TREELIGHT_CORE_GPU_RADIX_SORT_H_
+#define TREELIGHT_CORE_GPU_RADIX_SORT_H_
+
+#include "core/device/buffer.h"
+#include "core/gpu/gpu.h"
+
+namespace treelight {
+
+/// Pairs of a key and a value; Key is cl_uint or cl_ulong. Both buffers have the same size.
+template <typename Key>
+struct KeyValues {
+  KeyValues(const cl::Context& context, std::size_t count)
+      : keys(context, count), values(context, count) {}
+  Buffer<Key> keys;
+  Buffer<cl_uint> values;
+};
+
+/// Sorts the first `count` pairs by the lowest `key_bits` of their keys, ascending and stable
+/// (radix_sort.cl). The buffers of `pairs` may be exchanged for others of the same size. Does not
+/// wait.
+template <typename Key>
+void RadixSort(const Gpu& gpu, KeyValues<Key>& pairs, std::size_t count, unsigned key_bits);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_GPU_RADIX_SORT_H_

@@ -1,0 +1,85 @@
+// The radix tree over the leaves (Karras 2012), with boxes, counts and smallest photon indices, all bottom-up in one
+// launch (Apetrei 2014): a subtree finds its parent by comparing the levels of its two boundaries; the second of two
+// siblings to come carries on.
+
+#if __OPENCL_C_VERSION__ >= 300
+typedef atomic_uint Meeting;
+#define EXCHANGE(meeting, value) \
+  atomic_exchange_explicit(meeting, value, memory_order_acq_rel, memory_scope_device)
+#else
+// OpenCL C 1.2 orders memory within a work-group only. Its fence and atomic are fences of the device on x86 (PoCL).
+typedef uint Meeting;
+uint fenced_exchange(volatile global uint* meeting, const uint value) {
+  mem_fence(CLK_GLOBAL_MEM_FENCE);
+  const uint old = atomic_xchg(meeting, value);
+  mem_fence(CLK_GLOBAL_MEM_FENCE);
+  return old;
+}
+#define EXCHANGE(meeting, value) fenced_exchange(meeting, value)
+#endif
+
+#define NOBODY 0xffffffffu
+
+/// Builds the tree. One work-item per leaf, 1D range, any work-group size.
+/// @param levels    [n - 1] split levels
+/// @param firsts    [leaf_count + 1] first photon of each leaf, then n
+/// @param photons   [n] in leaf order
+/// @param meetings  [leaf_count - 1] in: NOBODY; used up
+/// @param nodes     [leaf_count - 1] out: node i separates leaves i and i + 1
+/// @param min_ids   [2 * (leaf_count - 1)] out: smallest photon index below each left, right child
+/// @param root      [1] out
+kernel void hierarchy(global const uchar* restrict levels, global const uint* restrict firsts, const uint leaf_count,
+                      global const LeafPhoton* restrict photons, volatile global Meeting* meetings,
+                      global Node* nodes, global uint* min_ids, global Root* root) {
+  uint a = get_global_id(0), b = a;  // leaves of the subtree
+  if (a >= leaf_count) return;
+  uint link = kLeafBit | firsts[a];
+  uint count = firsts[a + 1] - firsts[a], min_id = NOBODY;
+  float3 low = INFINITY, high = -INFINITY;
+  for (uint i = 0; i < count; ++i) {
+    const float4 photon = vload4(firsts[a] + i, (global const float*)photons);
+    low = fmin(low, photon.xyz);
+    high = fmax(high, photon.xyz);
+    min_id = min(min_id, as_uint(photon.w));
+  }
+  while (b - a + 1 < leaf_count) {
+    const int left = a > 0 ? (int)levels[firsts[a] - 1] : -1;
+    const int right = b + 1 < leaf_count ? (int)levels[firsts[b + 1] - 1] : -1;
+    const bool is_right = left > right;
+    const uint parent = is_right ? a - 1 : b;
+    global Node* node = &nodes[parent];
+    if (is_right) {
+      vstore3(low, 0, node->right_min);
+      vstore3(high, 0, node->right_max);
+      node->right = link;
+      node->right_count = count;
+    } else {
+      vstore3(low, 0, node->left_min);
+      vstore3(high, 0, node->left_max);
+      node->left = link;
+      node->left_count = count;
+    }
+    min_ids[2 * parent + is_right] = min_id;
+    // This item wrote one half of the node and releases it; the second to come acquires the other's half. The value
+    // exchanged tells how far the other's leaves reach.
+    const uint end = EXCHANGE(&meetings[parent], is_right ? b : a);
+    if (end == NOBODY) return;
+    if (is_right) {
+      low = fmin(low, vload3(0, node->left_min));
+      high = fmax(high, vload3(0, node->left_max));
+      count += node->left_count;
+      a = end;
+    } else {
+      low = fmin(low, vload3(0, node->right_min));
+      high = fmax(high, vload3(0, node->right_max));
+      count += node->right_count;
+      b = end;
+    }
+    min_id = min(min_id, min_ids[2 * parent + !is_right]);
+    link = parent;
+  }
+  vstore3(low, 0, root->min);
+  vstore3(high, 0, root->max);
+  root->link = link;
+  root->count = count;
+}

@@ -1,0 +1,83 @@
+// What the gather kernels share: a query's place and radius, distances to boxes, and the outputs of every query.
+
+// A child that waits on the traversal stack: the bits of its squared distance above, its slot below. The slot, node * 2
+// for a left child and node * 2 + 1 for a right one, leads to its links and to its smallest photon index.
+ulong pending(const float d2, const uint slot) { return ((ulong)as_uint(d2) << 32) | slot; }
+
+// Squared distance from `q` to the box, 0 inside. Rounded as the distance to a photon is, in the same order of
+// operations, so it is never above that of any photon of the box: culling by it is exact.
+float box_squared_distance(const float3 q, const float3 low, const float3 high) {
+  const float3 d = fmax(fmax(low - q, q - high), 0.0f);
+  return (d.x * d.x + d.y * d.y) + d.z * d.z;
+}
+
+// Squared distance from `q` to the farthest corner of the box; never below that of any photon of the box.
+float far_squared_distance(const float3 q, const float3 low, const float3 high) {
+  const float3 d = fmax(q - low, high - q);
+  return (d.x * d.x + d.y * d.y) + d.z * d.z;
+}
+
+float photon_squared_distance(const float3 q, const float4 photon) {
+  const float3 d = q - photon.xyz;
+  return (d.x * d.x + d.y * d.y) + d.z * d.z;
+}
+
+// Both children of a node, as one 64-byte read.
+typedef struct Children {
+  float3 left_min, left_max, right_min, right_max;
+  uint4 links;  // left, right, left_count, right_count
+} Children;
+
+Children load_children(global const Node* restrict nodes, const uint index) {
+  global const float4* restrict words = (global const float4*)(nodes + index);
+  const float4 a = words[0], b = words[1], c = words[2];
+  Children children;
+  children.left_min = a.xyz;
+  children.left_max = (float3)(a.w, b.x, b.y);
+  children.right_min = (float3)(b.z, b.w, c.x);
+  children.right_max = c.yzw;
+  children.links = as_uint4(words[3]);
+  return children;
+}
+
+// Weight of a photon at squared distance d2 of a gather of squared radius r2, before the division by pi r2.
+float density_weight(const uint kernel_type, const float d2, const float r2) {
+  if (kernel_type == kKernelConstant) return 1.0f;
+  if (kernel_type == kKernelCone) return fmax(3.0f * (1.0f - sqrt(d2 / r2)), 0.0f);
+  return fmax(2.0f * (1.0f - d2 / r2), 0.0f);
+}
+
+// Whether a photon of this direction of travel (octahedral; Cigolle et al. 2014) comes from the side of the normal.
+bool comes_from_front(const short2 direction, const float3 normal) {
+  const float step = 1.0f / 32767;
+  float x = max((int)direction.x, -32767) * step, y = max((int)direction.y, -32767) * step;
+  const float z = 1.0f - fabs(x) - fabs(y);
+  if (z < 0) {
+    const float folded = (1.0f - fabs(y)) * (x >= 0 ? 1.0f : -1.0f);
+    y = (1.0f - fabs(x)) * (y >= 0 ? 1.0f : -1.0f);
+    x = folded;
+  }
+  return x * normal.x + y * normal.y + z * normal.z < 0;
+}
+
+// Adds the photon `id` to a density sum.
+void add_density(float3* sum, const GatherParams params, const uint query, const uint id, const float d2,
+                 const float r2, global const float* restrict powers, global const short2* restrict directions,
+                 global const float* restrict normals) {
+  if (params.has_normals && !comes_from_front(directions[id], vload3(query, normals))) return;
+  *sum += density_weight(params.density_kernel, d2, r2) * vload3(id, powers);
+}
+
+// Density of a sum over a disc of squared radius r2; 0 where the disc has no area or no end.
+float3 finish_density(const float3 sum, const float r2) {
+  return r2 > 0 && r2 < INFINITY ? sum / (M_PI_F * r2) : (float3)(0.0f);
+}
+
+uint query_of(const GatherParams params, global const uint* restrict order) {
+  const uint place = params.first + get_global_id(0);
+  return params.has_order ? order[place] : place;
+}
+
+float radius_of(const GatherParams params, const uint query, global const float* restrict radii) {
+  return params.has_radii ? radii[query] : params.radius;
+}
