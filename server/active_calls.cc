@@ -1,0 +1,29 @@
+#include "server/active_calls.h"
+
+namespace treelight::server {
+
+absl::Status ActiveCalls::Enter() {
+  const std::lock_guard lock(mutex_);
+  ++open_;
+  if (closed_) return absl::UnavailableError("the server is stopping and takes no new calls");
+  return absl::OkStatus();
+}
+
+void ActiveCalls::Leave() {
+  const std::lock_guard lock(mutex_);
+  if (--open_ == 0)
+    none_.notify_all();  // under the lock: the waiter may destroy this as soon as it is let go
+}
+
+void ActiveCalls::Close() {
+  const std::lock_guard lock(mutex_);
+  closed_ = true;
+}
+
+std::size_t ActiveCalls::WaitForNone(std::chrono::system_clock::time_point deadline) {
+  std::unique_lock lock(mutex_);
+  none_.wait_until(lock, deadline, [this] { return open_ == 0; });
+  return open_;
+}
+
+}  // namespace treelight::server

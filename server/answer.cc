@@ -1,0 +1,111 @@
+#include "server/answer.h"
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "fmt/format.h"
+#include "server/wire_array.h"
+
+namespace treelight::server {
+namespace {
+
+constexpr std::uint64_t kNeighborBytes = sizeof(std::uint32_t) + sizeof(float);
+
+bool Wants(const GatherOptions& options, std::uint32_t output) {
+  return (options.outputs & output) != 0;
+}
+
+/// Bytes of a query's answer without its neighbours, their offset included.
+std::uint64_t FixedBytes(const GatherOptions& options) {
+  return (Wants(options, kOutputCount) ? 4 : 0) + (Wants(options, kOutputRadius) ? 4 : 0) +
+         (Wants(options, kOutputDensity) ? 12 : 0) + (Wants(options, kOutputStatistics) ? 8 : 0) +
+         (Wants(options, kOutputNeighbors) && options.k == 0 ? 8 : 0);
+}
+
+/// The queries [first, last) of an array of `per_query` numbers each; nothing of an empty array.
+template <typename T>
+std::string Slice(const std::vector<T>& array, std::size_t per_query, std::size_t first,
+                  std::size_t last) {
+  if (array.empty()) return {};
+  return ToWire(std::span<const T>(array).subspan(first * per_query, (last - first) * per_query));
+}
+
+}  // namespace
+
+std::uint64_t LargestAnswer(const GatherOptions& options, std::uint64_t query_count,
+                            std::uint64_t photon_count) {
+  std::uint64_t bytes = FixedBytes(options);
+  if (Wants(options, kOutputNeighbors)) {
+    bytes += kNeighborBytes * (options.k > 0 ? options.k : photon_count);
+  }
+  return bytes * query_count + (options.k == 0 ? 8 : 0);
+}
+
+absl::Status CheckFitsMessage(const GatherOptions& options, std::uint64_t query_count,
+                              std::uint64_t photon_count, const Limits& limits) {
+  const std::uint64_t bytes = LargestAnswer(options, query_count, photon_count) + kEnvelopeBytes;
+  if (bytes <= limits.max_message_bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(fmt::format(
+      "the answer may take {} bytes ({} queries, k {}), the limit of a message is {}; use "
+      "GatherStream, or fewer queries",
+      bytes, query_count, options.k, limits.max_message_bytes));
+}
+
+absl::Status CheckNeighborCount(std::uint64_t neighbor_count, const Limits& limits) {
+  if (neighbor_count <= limits.max_neighbors) return absl::OkStatus();
+  return absl::ResourceExhaustedError(fmt::format(
+      "the answer of the batch holds {} neighbours, the limit is {} "
+      "(ServerLimits.max_neighbors); send fewer queries in a batch, or a smaller k or radius",
+      neighbor_count, limits.max_neighbors));
+}
+
+absl::StatusOr<std::size_t> FindPartEnd(const GatherResult& result, const GatherOptions& options,
+                                        std::size_t query_count, std::size_t first,
+                                        const Limits& limits) {
+  const bool lists = Wants(options, kOutputNeighbors) && options.k == 0;
+  const std::uint64_t padded = Wants(options, kOutputNeighbors) ? kNeighborBytes * options.k : 0;
+  std::uint64_t bytes = kEnvelopeBytes;
+  std::size_t last = first;
+  for (; last < query_count; ++last) {
+    const std::uint64_t length =
+        lists ? result.neighbor_offsets[last + 1] - result.neighbor_offsets[last] : 0;
+    const std::uint64_t query_bytes = FixedBytes(options) + padded + kNeighborBytes * length;
+    if (last == first && bytes + query_bytes > limits.max_message_bytes) {
+      return absl::ResourceExhaustedError(fmt::format(
+          "query {} has {} neighbours, {} bytes, the limit of a message is {}; give k > 0 or "
+          "a smaller radius",
+          first, length, query_bytes, limits.max_message_bytes));
+    }
+    if (last > first && bytes + query_bytes > limits.max_part_bytes) break;
+    bytes += query_bytes;
+  }
+  return last;
+}
+
+void WritePart(const GatherResult& result, const GatherOptions& options, std::size_t first,
+               std::size_t last, v1::GatherResponse& response) {
+  response.set_first_query(static_cast<std::uint32_t>(first));
+  response.set_query_count(static_cast<std::uint32_t>(last - first));
+  response.set_counts(Slice(result.counts, 1, first, last));
+  response.set_radii(Slice(result.radii, 1, first, last));
+  response.set_densities(Slice(result.densities, 3, first, last));
+  response.set_nodes_visited(Slice(result.nodes_visited, 1, first, last));
+  response.set_distance_tests(Slice(result.distance_tests, 1, first, last));
+  if (!Wants(options, kOutputNeighbors)) return;
+  if (options.k > 0) {
+    response.set_neighbor_ids(Slice(result.neighbor_ids, options.k, first, last));
+    response.set_neighbor_squared_distances(
+        Slice(result.neighbor_squared_distances, options.k, first, last));
+    return;
+  }
+  const std::uint64_t begin = result.neighbor_offsets[first], end = result.neighbor_offsets[last];
+  response.set_neighbor_ids(Slice(result.neighbor_ids, 1, begin, end));
+  response.set_neighbor_squared_distances(Slice(result.neighbor_squared_distances, 1, begin, end));
+  std::vector<std::uint64_t> offsets(result.neighbor_offsets.begin() + first,
+                                     result.neighbor_offsets.begin() + last + 1);
+  for (std::uint64_t& offset : offsets) offset -= begin;  // they restart at 0 in each part
+  response.set_neighbor_offsets(ToWire(std::span<const std::uint64_t>(offsets)));
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,138 @@
+#include "server/build_call.h"
+
+#include <utility>
+
+#include "fmt/format.h"
+
+namespace treelight::server {
+
+BuildCall::BuildCall(State& state, grpc::CallbackServerContext& context,
+                     v1::BuildPhotonMapResponse& response)
+    : state_(state),
+      response_(response),
+      call_(state, context, "BuildPhotonMap"),
+      record_(call_.NewRecord()) {
+  if (call_.admission().ok()) {
+    StartRead(&message_);
+  } else {
+    End(call_.admission());
+  }
+}
+
+void BuildCall::OnReadDone(bool ok) {
+  if (!ok) {
+    // The client has sent all it will, or has gone.
+    if (auto status = call_.Alive(); !status.ok()) return End(status);
+    return Submit();
+  }
+  record_.bytes_in += message_.ByteSizeLong();
+  if (auto status = TakeMessage(); !status.ok()) return End(status);
+  // A repeat of a build that is done is answered without its photons.
+  if (const MapHandle known = state_.store.FindRequest(plan_.request_id)) {
+    Answer(known);
+    return End(absl::OkStatus());
+  }
+  StartRead(&message_);
+}
+
+absl::Status BuildCall::TakeMessage() {
+  switch (message_.message_case()) {
+    case v1::BuildPhotonMapRequest::kHeader:
+      if (upload_)
+        return absl::InvalidArgumentError("header: a second one; only the first message is one");
+      return TakeHeader(message_.header());
+    case v1::BuildPhotonMapRequest::kChunk:
+      if (!upload_)
+        return absl::InvalidArgumentError("chunk: before the header, which is the first message");
+      return upload_->Add(message_.chunk());
+    default:
+      return absl::InvalidArgumentError("message: neither header nor chunk");
+  }
+}
+
+absl::Status BuildCall::TakeHeader(const v1::BuildHeader& header) {
+  record_.map = header.name();
+  record_.photons = header.photon_count();
+  const auto plan = ParseBuildHeader(header, state_.options.limits);
+  if (!plan.ok()) return plan.status();
+  plan_ = *plan;
+  if (!plan_.request_id.empty()) record_.request_id = plan_.request_id;
+  if (!state_.options.devices.empty()) {
+    const auto room = CheckDeviceRoom(plan_, state_.options.devices[state_.options.device_index],
+                                      DeviceBytes(state_.store.List()));
+    if (!room.ok()) return room;
+  }
+  auto upload = Upload::Start(plan_, state_.options.limits);
+  if (!upload.ok()) return upload.status();
+  upload_ = *std::move(upload);
+  return absl::OkStatus();
+}
+
+void BuildCall::Submit() {
+  record_.timings.set_receive_us(watch_.microseconds());
+  if (!upload_) return End(absl::InvalidArgumentError("header: the stream is empty"));
+  auto photons = std::move(*upload_).Finish();
+  if (!photons.ok()) return End(photons.status());
+  photons_ = *std::move(photons);
+  const auto submitted =
+      state_.device_queue.Submit([this] { return call_.Alive(); },
+                                 [this](const absl::Status& turn, double queue_us) {
+                                   record_.timings.set_queue_us(queue_us);
+                                   End(turn.ok() ? Build() : turn);
+                                 });
+  if (!submitted.ok()) End(submitted);
+}
+
+absl::Status BuildCall::Build() {
+  // The first call with this id may have been built while this one waited: one device, one build at
+  // a time.
+  if (const MapHandle known = state_.store.FindRequest(plan_.request_id)) {
+    Answer(known);
+    return absl::OkStatus();
+  }
+  auto gatherer = state_.builder->Build(photons_, plan_.options, call_.cancelled());
+  if (!gatherer.ok()) return call_.Explain(gatherer.status());
+  if (auto status = call_.Alive(); !status.ok())
+    return status;  // a call that fails changes nothing
+  StoredMap map{.name = plan_.name,
+                .version = 0,
+                .request_id = plan_.request_id,
+                .options = plan_.options,
+                .gatherer = *std::move(gatherer),
+                .created = std::chrono::system_clock::now(),
+                .expires = {}};
+  if (plan_.time_to_live.count() > 0) map.expires = map.created + plan_.time_to_live;
+  for (const StageTime& stage : map.gatherer->report().stages) {
+    v1::Timings& timings = record_.timings;
+    if (stage.stage == "upload") {
+      timings.set_upload_us(timings.upload_us() + stage.microseconds);
+    } else if (stage.stage == "download") {
+      timings.set_download_us(timings.download_us() + stage.microseconds);
+    } else {
+      timings.set_kernel_us(timings.kernel_us() + stage.microseconds);
+    }
+  }
+  record_.stages = map.gatherer->report().stages;
+  Answer(state_.store.Add(std::move(map)));
+  return absl::OkStatus();
+}
+
+void BuildCall::Answer(const MapHandle& map) {
+  const Stopwatch watch;
+  *response_.mutable_map() = ToWire(*map);
+  record_.map = map->name;
+  record_.version = map->version;
+  record_.device = map->gatherer->report().device;
+  record_.timings.set_serialise_us(watch.microseconds());
+  record_.timings.set_total_us(watch_.microseconds());
+  *response_.mutable_timings() = record_.timings;
+  record_.bytes_out = response_.ByteSizeLong();
+}
+
+void BuildCall::End(const absl::Status& status) {
+  if (!status.ok()) record_.timings.set_total_us(watch_.microseconds());
+  state_.log->Write(record_, status);
+  Finish(ToGrpcStatus(status));
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,67 @@
+#include "server/call.h"
+
+#include <random>
+
+#include "fmt/format.h"
+#include "server/convert.h"
+
+namespace treelight::server {
+namespace {
+
+/// The metadata by which a client names a request, in all calls but BuildPhotonMap, whose header
+/// has a field.
+constexpr const char* kRequestIdKey = "x-request-id";
+
+/// 16 random hexadecimal digits.
+std::string RandomId() {
+  thread_local std::mt19937_64 engine{std::random_device{}()};
+  return fmt::format("{:016x}", engine());
+}
+
+/// The client's id where it gave one that may stand in a log, else a random one.
+std::string RequestId(const grpc::CallbackServerContext& context) {
+  const auto& metadata = context.client_metadata();
+  const auto entry = metadata.find(kRequestIdKey);
+  if (entry == metadata.end()) return RandomId();
+  std::string id(entry->second.data(), entry->second.size());
+  return CheckName(kRequestIdKey, id).ok() ? id : RandomId();
+}
+
+}  // namespace
+
+grpc::Status ToGrpcStatus(const absl::Status& status) {
+  return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message())};
+}
+
+Call::Call(State& state, grpc::CallbackServerContext& context, std::string_view method)
+    : state_(state),
+      context_(context),
+      deadline_(context.deadline()),
+      admission_(state.calls.Enter()) {
+  record_.request_id = RequestId(context);
+  record_.method = method;
+  record_.peer = context.peer();
+}
+
+absl::Status Call::Alive() const {
+  if (std::chrono::system_clock::now() >= deadline_) {
+    return absl::DeadlineExceededError("the deadline of the call has passed; the work was stopped");
+  }
+  if (context_.IsCancelled()) return absl::CancelledError("the client has cancelled the call");
+  if (abandoned_) return absl::CancelledError("an earlier batch of the stream has failed");
+  return absl::OkStatus();
+}
+
+CancelCheck Call::cancelled() const {
+  return [this] { return !Alive().ok(); };
+}
+
+absl::Status Call::Explain(const absl::Status& status) const {
+  if (!absl::IsCancelled(status)) return status;
+  const absl::Status reason = Alive();
+  return reason.ok() ? status : reason;
+}
+
+RequestRecord Call::NewRecord() const { return record_; }
+
+}  // namespace treelight::server

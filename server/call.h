@@ -1,0 +1,72 @@
+#ifndef TREELIGHT_SERVER_CALL_H_
+#define TREELIGHT_SERVER_CALL_H_
+
+#include <atomic>
+#include <chrono>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "core/gatherer.h"
+#include "grpcpp/server_context.h"
+#include "grpcpp/support/status.h"
+#include "server/state.h"
+
+namespace treelight::server {
+
+/// The same code and message; the codes have the same numbers.
+grpc::Status ToGrpcStatus(const absl::Status& status);
+
+/// Time since it was made.
+class Stopwatch {
+ public:
+  double microseconds() const {
+    return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start_)
+        .count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// What every call has: its place among the open calls, its deadline, and what its log lines begin
+/// with.
+class Call {
+ public:
+  /// Counts the call in; `context` and `state` outlive it.
+  Call(State& state, grpc::CallbackServerContext& context, std::string_view method);
+  ~Call() { state_.calls.Leave(); }
+  Call(const Call&) = delete;
+  Call& operator=(const Call&) = delete;
+
+  const absl::Status& admission() const { return admission_; }  ///< UNAVAILABLE: the server drains
+
+  /// OK while somebody waits for the answer; else DEADLINE_EXCEEDED or CANCELLED. Safe from any
+  /// thread.
+  absl::Status Alive() const;
+
+  /// Stops what is still under way for this call, which has failed: Alive() is CANCELLED from now
+  /// on.
+  void Abandon() { abandoned_ = true; }
+
+  /// For core; polls Alive().
+  CancelCheck cancelled() const;
+
+  /// `status`, but where core was made to stop by `cancelled()`, why.
+  absl::Status Explain(const absl::Status& status) const;
+
+  /// A record with what is known of the call: method, peer, request id, device.
+  RequestRecord NewRecord() const;
+
+ private:
+  State& state_;
+  grpc::CallbackServerContext& context_;
+  const std::chrono::system_clock::time_point deadline_;
+  const absl::Status admission_;
+  std::atomic<bool> abandoned_ = false;
+  RequestRecord record_;
+};
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_CALL_H_

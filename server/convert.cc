@@ -1,0 +1,215 @@
+#include "server/convert.h"
+
+#include <limits>
+
+#include "fmt/format.h"
+#include "server/wire_array.h"
+
+namespace treelight::server {
+namespace {
+
+/// Whether `c` may stand in a name: ASCII only, whatever the locale.
+bool IsNameCharacter(char c) {
+  return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '.' ||
+         c == '_' || c == '-';
+}
+
+absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire) {
+  BuildOptions options;
+  switch (wire.builder()) {
+    case v1::BUILDER_KIND_UNSPECIFIED:
+    case v1::BUILDER_KIND_LBVH:
+      options.builder = BuilderKind::kLbvh;
+      break;
+    default:
+      return absl::InvalidArgumentError(
+          fmt::format("options.builder is {}, no such builder", static_cast<int>(wire.builder())));
+  }
+  if (wire.morton_bits() == 63) {
+    options.morton_bits = MortonBits::k63;
+  } else if (wire.morton_bits() != 0 && wire.morton_bits() != 30) {
+    return absl::InvalidArgumentError(
+        fmt::format("options.morton_bits is {}, it must be 30 or 63, or 0 for the default",
+                    wire.morton_bits()));
+  }
+  if (wire.max_leaf_size() > kMaxLeafSize) {
+    return absl::InvalidArgumentError(
+        fmt::format("options.max_leaf_size is {}, it must be in [1, {}], or 0 for the default",
+                    wire.max_leaf_size(), kMaxLeafSize));
+  }
+  if (wire.max_leaf_size() != 0) options.max_leaf_size = wire.max_leaf_size();
+  return options;
+}
+
+absl::StatusOr<DensityKernel> ParseKernel(v1::DensityKernel kernel) {
+  switch (kernel) {
+    case v1::DENSITY_KERNEL_CONSTANT:
+      return DensityKernel::kConstant;
+    case v1::DENSITY_KERNEL_CONE:
+      return DensityKernel::kCone;
+    case v1::DENSITY_KERNEL_UNSPECIFIED:
+    case v1::DENSITY_KERNEL_EPANECHNIKOV:
+      return DensityKernel::kEpanechnikov;
+    default:
+      return absl::InvalidArgumentError(
+          fmt::format("kernel is {}, no such kernel", static_cast<int>(kernel)));
+  }
+}
+
+/// `bytes` of an array that may be absent: empty, or `bytes_per_query` for each of `query_count`.
+absl::Status CheckQueryArray(std::string_view field, const std::string& bytes,
+                             std::size_t bytes_per_query, std::size_t query_count) {
+  if (bytes.empty() || bytes.size() == bytes_per_query * query_count) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("{}: {} bytes, expected {} ({} bytes for each of {} queries) or none", field,
+                  bytes.size(), bytes_per_query * query_count, bytes_per_query, query_count));
+}
+
+absl::Status CheckArrays(const v1::GatherRequest& request, const Limits& limits) {
+  constexpr std::size_t kPosition = 3 * sizeof(float);
+  const std::size_t length = request.positions().size();
+  const std::size_t query_count = length / kPosition;
+  if (length % kPosition != 0) {
+    return absl::InvalidArgumentError(
+        fmt::format("positions: {} bytes are no multiple of 12, three float32", length));
+  }
+  if (query_count == 0) {
+    return absl::InvalidArgumentError("positions: 0 queries, a batch holds at least 1");
+  }
+  if (query_count > limits.max_queries) {
+    return absl::ResourceExhaustedError(
+        fmt::format("positions: {} queries, the limit of a batch is {} (ServerLimits.max_queries); "
+                    "send several batches",
+                    query_count, limits.max_queries));
+  }
+  auto status = CheckQueryArray("radii", request.radii(), sizeof(float), query_count);
+  if (status.ok()) status = CheckQueryArray("normals", request.normals(), kPosition, query_count);
+  return status;
+}
+
+std::int64_t UnixMs(TimePoint time) {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(time.time_since_epoch()).count();
+}
+
+}  // namespace
+
+absl::Status CheckName(std::string_view field, std::string_view name) {
+  if (name.empty() || name.size() > kMaxNameLength) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: {} characters, it must have [1, {}]", field, name.size(), kMaxNameLength));
+  }
+  for (std::size_t i = 0; i < name.size(); ++i) {
+    if (!IsNameCharacter(name[i])) {
+      return absl::InvalidArgumentError(
+          fmt::format("{}[{}] is the byte 0x{:02x}, allowed are A-Z a-z 0-9 . _ -", field, i,
+                      static_cast<unsigned char>(name[i])));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const Limits& limits) {
+  if (auto status = CheckName("header.name", header.name()); !status.ok()) return status;
+  if (!header.request_id().empty()) {
+    const auto status = CheckName("header.request_id", header.request_id());
+    if (!status.ok()) return status;
+  }
+  if (header.photon_count() == 0) {
+    return absl::InvalidArgumentError("header.photon_count is 0, a map needs at least 1 photon");
+  }
+  if (header.photon_count() > limits.max_photons) {
+    return absl::ResourceExhaustedError(
+        fmt::format("header.photon_count is {}, the limit of a map is {} (--max-photons); "
+                    "build several maps or raise the limit",
+                    header.photon_count(), limits.max_photons));
+  }
+  if (header.time_to_live_ms() > static_cast<std::uint64_t>(kMaxTimeToLive.count())) {
+    return absl::InvalidArgumentError(
+        fmt::format("header.time_to_live_ms is {}, at most {} (30 days) is possible",
+                    header.time_to_live_ms(), kMaxTimeToLive.count()));
+  }
+  const auto options = ParseBuildOptions(header.options());
+  if (!options.ok()) return options.status();
+  return BuildPlan{.name = header.name(),
+                   .photon_count = header.photon_count(),
+                   .has_powers = header.has_powers(),
+                   .has_directions = header.has_directions(),
+                   .options = *options,
+                   .time_to_live = std::chrono::milliseconds(header.time_to_live_ms()),
+                   .request_id = header.request_id()};
+}
+
+absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const Gatherer& map,
+                                        const Limits& limits) {
+  if (auto status = CheckArrays(request, limits); !status.ok()) return status;
+  const auto kernel = ParseKernel(request.kernel());
+  if (!kernel.ok()) return kernel.status();
+  GatherBatch batch;
+  batch.options = {
+      .k = request.k(),
+      .radius = request.has_radius() ? request.radius() : std::numeric_limits<float>::infinity(),
+      .outputs = request.outputs(),
+      .kernel = *kernel};
+  AppendFromWire(request.positions(), batch.positions);
+  AppendFromWire(request.normals(), batch.normals);
+  AppendFromWire(request.radii(), batch.radii);
+  if (auto status = CheckGather(map, batch.queries(), batch.options); !status.ok()) return status;
+  return batch;
+}
+
+v1::PhotonMap ToWire(const StoredMap& map) {
+  const BuildReport& report = map.gatherer->report();
+  v1::PhotonMap wire;
+  wire.set_name(map.name);
+  wire.set_version(map.version);
+  wire.set_photon_count(map.gatherer->photon_count());
+  wire.set_has_powers(map.gatherer->has_powers());
+  wire.set_has_directions(map.gatherer->has_directions());
+  wire.mutable_options()->set_builder(v1::BUILDER_KIND_LBVH);
+  wire.mutable_options()->set_morton_bits(static_cast<std::uint32_t>(map.options.morton_bits));
+  wire.mutable_options()->set_max_leaf_size(map.options.max_leaf_size);
+  v1::TreeStatistics& statistics = *wire.mutable_statistics();
+  statistics.set_node_count(report.tree.node_count);
+  statistics.set_leaf_count(report.tree.leaf_count);
+  statistics.set_depth(report.tree.depth);
+  statistics.set_mean_leaf_depth(report.tree.mean_leaf_depth);
+  statistics.set_leaf_fill(report.tree.leaf_fill);
+  statistics.set_sah_cost(report.tree.sah_cost);
+  for (const StageTime& stage : report.stages) {
+    v1::StageTime& time = *wire.add_build_stages();
+    time.set_stage(stage.stage);
+    time.set_microseconds(stage.microseconds);
+  }
+  wire.set_device_bytes(report.device_bytes);
+  wire.set_device(report.device);
+  wire.set_created_unix_ms(UnixMs(map.created));
+  if (map.expires) wire.set_expires_unix_ms(UnixMs(*map.expires));
+  return wire;
+}
+
+v1::Device ToWire(const DeviceInfo& device) {
+  v1::Device wire;
+  wire.set_index(device.index);
+  wire.set_name(device.name);
+  wire.set_platform(device.platform);
+  wire.set_driver(device.driver);
+  wire.set_type(device.type);
+  wire.set_compute_units(device.compute_units);
+  wire.set_memory_bytes(device.memory_bytes);
+  wire.set_max_buffer_bytes(device.max_buffer_bytes);
+  return wire;
+}
+
+v1::ServerLimits ToWire(const Limits& limits) {
+  v1::ServerLimits wire;
+  wire.set_max_message_bytes(limits.max_message_bytes);
+  wire.set_max_chunk_bytes(limits.max_chunk_bytes);
+  wire.set_max_photons(limits.max_photons);
+  wire.set_max_queries(limits.max_queries);
+  wire.set_max_k(kMaxNeighbors);
+  wire.set_max_leaf_size(kMaxLeafSize);
+  wire.set_max_neighbors(limits.max_neighbors);
+  return wire;
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,66 @@
+#ifndef TREELIGHT_SERVER_CONVERT_H_
+#define TREELIGHT_SERVER_CONVERT_H_
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/builder.h"
+#include "core/gatherer.h"
+#include "server/map_store.h"
+#include "server/options.h"
+#include "treelight/v1/photon_map.pb.h"
+
+// Between the wire (photon_map.proto) and core. All that comes in is checked here, once;
+// INVALID_ARGUMENT names field, index and value, RESOURCE_EXHAUSTED the limit, what was asked and
+// what to do.
+namespace treelight::server {
+
+/// Longest name of a map, characters; request ids may be as long.
+inline constexpr std::size_t kMaxNameLength = 128;
+
+/// Longest time to live of a map.
+inline constexpr std::chrono::milliseconds kMaxTimeToLive = std::chrono::hours(24 * 30);
+
+/// Checks that `name` has [1, kMaxNameLength] characters of A-Z a-z 0-9 . _ -; `field` says where
+/// it stands.
+absl::Status CheckName(std::string_view field, std::string_view name);
+
+/// A v1::BuildHeader that was found good.
+struct BuildPlan {
+  std::string name;
+  std::uint64_t photon_count = 0;  ///< at least 1
+  bool has_powers = false;
+  bool has_directions = false;
+  BuildOptions options;
+  std::chrono::milliseconds time_to_live{};  ///< 0: for ever
+  std::string request_id;                    ///< or empty
+};
+
+absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const Limits& limits);
+
+/// A batch of queries that owns its arrays.
+struct GatherBatch {
+  std::vector<float> positions;  ///< [3m]
+  std::vector<float> normals;    ///< [3m] or empty
+  std::vector<float> radii;      ///< [m] or empty
+  GatherOptions options;
+
+  GatherQueries queries() const { return {positions, normals, radii}; }
+  std::size_t size() const { return positions.size() / 3; }
+};
+
+/// Lengths and limits of a batch, and what CheckGather asks for on `map`.
+absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const Gatherer& map,
+                                        const Limits& limits);
+
+v1::PhotonMap ToWire(const StoredMap& map);
+v1::Device ToWire(const DeviceInfo& device);
+v1::ServerLimits ToWire(const Limits& limits);
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_CONVERT_H_

@@ -1,0 +1,28 @@
+#include "server/gather_call.h"
+
+namespace treelight::server {
+
+GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context,
+                       const v1::GatherRequest& request, v1::GatherResponse& response)
+    : state_(state),
+      response_(response),
+      call_(state, context, "Gather"),
+      batch_(state, call_, AnswerForm::kMessage) {
+  if (!call_.admission().ok()) {
+    End(call_.admission());
+    return;
+  }
+  batch_.Run(request, [this](const absl::Status& status) {
+    if (!status.ok()) return End(status);
+    state_.RunOnCpu(batch_.next_bytes(), [this] { Answer(); });
+  });
+}
+
+void GatherCall::Answer() { End(batch_.WriteNext(response_)); }
+
+void GatherCall::End(const absl::Status& status) {
+  batch_.Log(status);
+  Finish(ToGrpcStatus(status));
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,124 @@
+#include "server/gather_stream.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+namespace treelight::server {
+namespace {
+
+/// Batches that may be here: the one being answered, and one read ahead.
+constexpr std::size_t kBatchesHeld = 2;
+
+}  // namespace
+
+GatherStream::GatherStream(State& state, grpc::CallbackServerContext& context)
+    : state_(state), call_(state, context, "GatherStream") {
+  Advance([this] { failure_ = call_.admission(); });
+}
+
+void GatherStream::OnReadDone(bool ok) {
+  if (!ok) {
+    return Advance([this] {
+      reading_ = false;
+      read_all_ = true;
+      if (failure_.ok())
+        failure_ = call_.Alive();  // a client that has gone looks like one that has sent all
+    });
+  }
+  auto added = std::make_unique<Entry>(state_, call_);
+  Entry& entry = *added;
+  entry.request.Swap(&request_);
+  bool failed = false;
+  Advance([&] {
+    failed = !failure_.ok();
+    reading_ = starting_ = !failed;
+    if (!failed) entries_.push_back(std::move(added));
+  });
+  if (failed) return;
+  entry.batch.Run(entry.request, [this, &entry](const absl::Status& status) {
+    Advance([&] {
+      entry.stage = status.ok() ? Entry::Stage::kReady : Entry::Stage::kFailed;
+      entry.status = status;
+    });
+  });
+  Advance([this] { reading_ = starting_ = false; });
+}
+
+void GatherStream::OnWriteDone(bool ok) {
+  std::unique_ptr<Entry> answered;  // freed without the lock
+  Advance([&] {
+    writing_ = false;
+    if (!ok && failure_.ok()) {
+      failure_ = call_.Alive();
+      if (failure_.ok()) failure_ = absl::CancelledError("the client takes no more answers");
+    }
+    if (!ok || !entries_.front()->batch.complete()) return;
+    entries_.front()->batch.Log(absl::OkStatus());
+    answered = std::move(entries_.front());
+    entries_.pop_front();
+  });
+}
+
+/// Makes the next part of `entry`'s answer and sends it.
+void GatherStream::WritePart(Entry& entry) {
+  response_.Clear();
+  if (auto status = entry.batch.WriteNext(response_); !status.ok()) {
+    return Advance([&] {
+      writing_ = false;
+      entry.stage = Entry::Stage::kFailed;
+      entry.status = status;
+    });
+  }
+  StartWrite(&response_);
+}
+
+/// Whether a batch is on its way to or on the device.
+bool GatherStream::Gathering() const {
+  return starting_ || std::ranges::any_of(entries_, [](const auto& entry) {
+           return entry->stage == Entry::Stage::kGathering;
+         });
+}
+
+/// Takes note of what happened and does what has become possible: read, write a part, or finish.
+/// The decision is one step under the lock; what follows it keeps this object alive, as Finish is
+/// only called when nothing else goes on.
+template <typename Event>
+void GatherStream::Advance(Event event) {
+  Entry* write = nullptr;
+  bool read = false;
+  std::optional<absl::Status> finish;
+  {
+    const std::lock_guard lock(mutex_);
+    event();
+    Entry* const front = entries_.empty() ? nullptr : entries_.front().get();
+    if (front != nullptr && failure_.ok() && front->stage == Entry::Stage::kFailed) {
+      failure_ = front->status;
+    }
+    if (!failure_.ok()) {
+      // Stop the work for the other batch, and wait for it.
+      call_.Abandon();
+      if (!finished_ && !writing_ && !Gathering()) finish = failure_;
+    } else if (front == nullptr && read_all_) {
+      finish = absl::OkStatus();
+    } else {
+      if (front != nullptr && front->stage == Entry::Stage::kReady && !writing_) write = front;
+      read = !read_all_ && !reading_ && entries_.size() < kBatchesHeld;
+    }
+    if (write != nullptr) writing_ = true;
+    if (read) reading_ = true;
+    if (finish) {
+      finished_ = true;
+      for (const auto& entry : entries_) {
+        entry->batch.Log(entry->status.ok() ? *finish : entry->status);
+      }
+    }
+  }
+  if (read) StartRead(&request_);
+  if (write != nullptr) {
+    state_.RunOnCpu(write->batch.next_bytes(), [this, write] { WritePart(*write); });
+  }
+  if (finish) Finish(ToGrpcStatus(*finish));
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,155 @@
+#include "server/map_store.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "fmt/format.h"
+#include "fmt/ranges.h"
+
+namespace treelight::server {
+
+MapStore::MapStore(Clock clock)
+    : clock_(std::move(clock)),
+      sweeper_([this](const std::stop_token& stop) { SweepInTime(stop); }) {}
+
+bool MapStore::Expired(const StoredMap& map) const {
+  return map.expires.has_value() && *map.expires <= clock_();
+}
+
+MapHandle MapStore::Add(StoredMap map) {
+  auto handle = std::make_shared<StoredMap>(std::move(map));
+  {
+    const std::lock_guard lock(mutex_);
+    if (!handle->request_id.empty()) {
+      const auto [known, added] = requests_.try_emplace(handle->request_id, handle);
+      if (!added) {
+        if (!Expired(*known->second)) return known->second;
+        known->second = handle;
+      }
+    }
+    handle->version = ++last_versions_[handle->name];
+    maps_[handle->name].emplace(handle->version, handle);
+    ++additions_;
+  }
+  wake_.notify_one();
+  return handle;
+}
+
+MapHandle MapStore::FindRequest(std::string_view request_id) const {
+  const std::lock_guard lock(mutex_);
+  const auto known = requests_.find(request_id);
+  return known == requests_.end() || Expired(*known->second) ? nullptr : known->second;
+}
+
+absl::StatusOr<MapHandle> MapStore::Find(std::string_view name, std::uint64_t version) const {
+  const std::lock_guard lock(mutex_);
+  const auto map = maps_.find(name);
+  if (map == maps_.end()) return NotFound(name, version);
+  const Versions& versions = map->second;
+  if (version != 0) {
+    const auto found = versions.find(version);
+    if (found == versions.end() || Expired(*found->second)) return NotFound(name, version);
+    return found->second;
+  }
+  const auto newest = std::find_if(versions.rbegin(), versions.rend(),
+                                   [this](const auto& entry) { return !Expired(*entry.second); });
+  if (newest == versions.rend()) return NotFound(name, version);
+  return newest->second;
+}
+
+std::vector<MapHandle> MapStore::List() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<MapHandle> list;
+  for (const auto& [name, versions] : maps_) {
+    for (const auto& [version, map] : versions) {
+      if (!Expired(*map)) list.push_back(map);
+    }
+  }
+  return list;
+}
+
+absl::StatusOr<std::vector<MapHandle>> MapStore::Remove(std::string_view name,
+                                                        std::uint64_t version) {
+  const std::lock_guard lock(mutex_);
+  const auto map = maps_.find(name);
+  std::vector<MapHandle> removed;
+  if (map != maps_.end()) {
+    for (const auto& [number, handle] : map->second) {
+      if ((version == 0 || version == number) && !Expired(*handle)) removed.push_back(handle);
+    }
+  }
+  if (removed.empty()) return NotFound(name, version);
+  for (const MapHandle& handle : removed) {
+    map->second.erase(handle->version);
+    requests_.erase(handle->request_id);
+  }
+  if (map->second.empty()) maps_.erase(map);
+  return removed;
+}
+
+std::size_t MapStore::SweepExpired() {
+  std::vector<MapHandle> expired;  // freed after the lock
+  const std::lock_guard lock(mutex_);
+  for (auto map = maps_.begin(); map != maps_.end();) {
+    std::erase_if(map->second, [&](const auto& entry) {
+      if (!Expired(*entry.second)) return false;
+      expired.push_back(entry.second);
+      return true;
+    });
+    map = map->second.empty() ? maps_.erase(map) : std::next(map);
+  }
+  for (const MapHandle& handle : expired) {
+    const auto known = requests_.find(handle->request_id);
+    if (known != requests_.end() && known->second == handle) requests_.erase(known);
+  }
+  return expired.size();
+}
+
+absl::Status MapStore::NotFound(std::string_view name, std::uint64_t version) const {
+  const auto map = maps_.find(name);
+  std::vector<std::uint64_t> versions;
+  if (map != maps_.end()) {
+    for (const auto& [number, handle] : map->second) {
+      if (!Expired(*handle)) versions.push_back(number);
+    }
+  }
+  if (versions.empty()) return absl::NotFoundError(fmt::format("no map is named '{}'", name));
+  return absl::NotFoundError(
+      fmt::format("map '{}' has no version {}, only {}", name, version, fmt::join(versions, ", ")));
+}
+
+std::optional<TimePoint> MapStore::NextExpiry() const {
+  std::optional<TimePoint> next;
+  for (const auto& [name, versions] : maps_) {
+    for (const auto& [version, map] : versions) {
+      if (map->expires && (!next || *map->expires < *next)) next = map->expires;
+    }
+  }
+  return next;
+}
+
+void MapStore::SweepInTime(const std::stop_token& stop) {
+  using std::chrono_literals::operator""ms;
+  constexpr std::chrono::nanoseconds kShortest = 1ms, kLongest = std::chrono::hours(1);
+  while (!stop.stop_requested()) {
+    {
+      std::unique_lock lock(mutex_);
+      const auto next = NextExpiry();
+      const std::uint64_t seen = additions_;
+      // The clock may be set while we wait: look once an hour.
+      const auto pause =
+          next ? std::clamp<std::chrono::nanoseconds>(*next - clock_(), kShortest, kLongest)
+               : kLongest;
+      wake_.wait_for(lock, stop, pause, [&] { return additions_ != seen; });
+    }
+    SweepExpired();
+  }
+}
+
+std::uint64_t DeviceBytes(const std::vector<MapHandle>& maps) {
+  std::uint64_t bytes = 0;
+  for (const MapHandle& map : maps) bytes += map->gatherer->report().device_bytes;
+  return bytes;
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,99 @@
+#ifndef TREELIGHT_SERVER_MAP_STORE_H_
+#define TREELIGHT_SERVER_MAP_STORE_H_
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/builder.h"
+
+namespace treelight::server {
+
+using TimePoint = std::chrono::system_clock::time_point;
+
+/// One version of a map. Never changes once it is in the store.
+struct StoredMap {
+  std::string name;
+  std::uint64_t version = 0;  ///< given by the store
+  std::string request_id;     ///< of the call that built it, or empty
+  BuildOptions options;
+  std::unique_ptr<const Gatherer> gatherer;
+  TimePoint created;
+  std::optional<TimePoint> expires;  ///< never where empty
+};
+
+/// Keeps a version alive while someone answers from it, also after the store has let go of it.
+using MapHandle = std::shared_ptr<const StoredMap>;
+
+/// All versions of all maps of this process. Safe to call from several threads at once; no call
+/// waits for a device, except that the last handle of a map frees its device memory.
+class MapStore {
+ public:
+  using Clock = std::function<TimePoint()>;
+
+  /// `clock` tells what has expired.
+  explicit MapStore(Clock clock = std::chrono::system_clock::now);
+
+  /// Makes `map` visible as the newest version of its name. Where a version with the same request
+  /// id, not empty, is here already, that one is returned and `map` dropped.
+  MapHandle Add(StoredMap map);
+
+  /// The version that a call with this id built, or null. An id is known as long as its version is
+  /// in the store.
+  MapHandle FindRequest(std::string_view request_id) const;
+
+  /// Version 0: the newest. NOT_FOUND names the map, and the versions there are.
+  absl::StatusOr<MapHandle> Find(std::string_view name, std::uint64_t version) const;
+
+  /// By name, then version.
+  std::vector<MapHandle> List() const;
+
+  /// Takes one version out, or all where `version` is 0, and hands them to the caller, who frees
+  /// them. NOT_FOUND as Find.
+  absl::StatusOr<std::vector<MapHandle>> Remove(std::string_view name, std::uint64_t version);
+
+  /// Lets go of what has expired; a thread of the store does so in time. Returns how many versions.
+  std::size_t SweepExpired();
+
+ private:
+  using Versions = std::map<std::uint64_t, MapHandle>;
+
+  bool Expired(const StoredMap& map) const;
+  absl::Status NotFound(std::string_view name, std::uint64_t version) const;  // needs mutex_
+  std::optional<TimePoint> NextExpiry() const;                                // needs mutex_
+  void SweepInTime(const std::stop_token& stop);
+
+  const Clock clock_;
+  mutable std::mutex mutex_;
+  std::condition_variable_any wake_;  // with mutex_: a map that expires was added
+  // Guarded by mutex_. Expired versions may still be in it until they are swept; no call shows
+  // them.
+  std::map<std::string, Versions, std::less<>> maps_;
+  // Guarded by mutex_. Last version given to a name. Stays when the map goes, so that no version is
+  // used twice.
+  std::map<std::string, std::uint64_t, std::less<>> last_versions_;
+  // Guarded by mutex_. By request id, the versions in maps_ that have one.
+  std::map<std::string, MapHandle, std::less<>> requests_;
+  std::uint64_t additions_ =
+      0;                  // guarded by mutex_; how the sweeper knows that it has to look again
+  std::jthread sweeper_;  // last: it joins before the rest goes
+};
+
+/// Device memory that `maps` hold together, bytes.
+std::uint64_t DeviceBytes(const std::vector<MapHandle>& maps);
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_MAP_STORE_H_

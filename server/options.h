@@ -1,0 +1,40 @@
+#ifndef TREELIGHT_SERVER_OPTIONS_H_
+#define TREELIGHT_SERVER_OPTIONS_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/builder.h"
+
+namespace treelight::server {
+
+/// What one request may ask for; GetServerInfo tells them to clients (ServerLimits in
+/// photon_map.proto).
+struct Limits {
+  std::uint64_t max_message_bytes = 4 << 20;  ///< in either direction
+  std::uint64_t max_chunk_bytes = 1 << 20;    ///< arrays of one PhotonChunk together
+  std::uint64_t max_part_bytes = 1 << 20;     ///< aimed at for one part of a stream's answer
+  std::uint64_t max_photons = 100'000'000;    ///< in one map
+  /// In one batch. The default fills a message with positions, radii and normals: 28 B a query.
+  std::uint32_t max_queries = 131'072;
+  std::uint64_t max_neighbors = 1 << 25;  ///< in the whole answer of one batch with NEIGHBORS
+};
+
+/// How a server runs.
+struct ServerOptions {
+  /// "host:port" with port 0 for a free one, or "unix:/path"; empty: in-process channels only.
+  std::string listen = "127.0.0.1:7543";
+  bool allow_remote = false;     ///< whether `listen` may be other than loopback or a Unix socket
+  std::size_t queue_depth = 64;  ///< requests that may wait for the device, at least 1
+  std::string log_file;          ///< of the request log; empty: stderr
+  Limits limits;
+  std::vector<DeviceInfo>
+      devices;           ///< of the machine; empty: not known, then no device limit is checked
+  int device_index = 0;  ///< which of `devices` the builder works on
+};
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_OPTIONS_H_

@@ -1,0 +1,109 @@
+#include "server/request_log.h"
+
+#include <cmath>
+#include <utility>
+
+#include "fmt/chrono.h"
+#include "fmt/format.h"
+#include "nlohmann/json.hpp"
+#include "spdlog/async.h"
+#include "spdlog/sinks/basic_file_sink.h"
+#include "spdlog/sinks/stdout_sinks.h"
+
+namespace treelight::server {
+namespace {
+
+constexpr std::size_t kLinesAhead = 8192;
+
+/// ISO 8601 in UTC, with milliseconds.
+std::string FormatTime(std::chrono::system_clock::time_point time) {
+  const auto ms = std::chrono::floor<std::chrono::milliseconds>(time.time_since_epoch()).count();
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z",
+                     fmt::gmtime(static_cast<std::time_t>(ms / 1000)), ms % 1000);
+}
+
+/// Tenths of a microsecond are all that the clock is good for.
+double Rounded(double microseconds) { return std::round(10 * microseconds) / 10; }
+
+nlohmann::ordered_json FormatRadius(float radius) {
+  if (std::isfinite(radius)) return radius;
+  return std::isnan(radius) ? "nan" : radius > 0 ? "inf" : "-inf";
+}
+
+template <typename T>
+void Set(nlohmann::ordered_json& json, const char* key, const std::optional<T>& value) {
+  if (value) json[key] = *value;
+}
+
+}  // namespace
+
+std::string ToJson(const RequestRecord& record, const absl::Status& status,
+                   std::chrono::system_clock::time_point time) {
+  nlohmann::ordered_json json;
+  json["time"] = FormatTime(time);
+  json["request_id"] = record.request_id;
+  json["method"] = record.method;
+  json["peer"] = record.peer;
+  if (!record.map.empty()) json["map"] = record.map;
+  if (record.version != 0) json["version"] = record.version;
+  Set(json, "photons", record.photons);
+  Set(json, "queries", record.queries);
+  Set(json, "batch_id", record.batch_id);
+  Set(json, "k", record.k);
+  if (record.own_radii) {
+    json["r"] = "per query";
+  } else if (record.radius) {
+    json["r"] = FormatRadius(*record.radius);
+  }
+  json["bytes_in"] = record.bytes_in;
+  json["bytes_out"] = record.bytes_out;
+  const v1::Timings& times = record.timings;
+  json["receive_us"] = Rounded(times.receive_us());
+  json["queue_us"] = Rounded(times.queue_us());
+  json["upload_us"] = Rounded(times.upload_us());
+  json["kernel_us"] = Rounded(times.kernel_us());
+  json["download_us"] = Rounded(times.download_us());
+  json["serialise_us"] = Rounded(times.serialise_us());
+  json["total_us"] = Rounded(times.total_us());
+  for (const StageTime& stage : record.stages) {
+    json["stages_us"][stage.stage] = Rounded(stage.microseconds);
+  }
+  Set(json, "nodes_visited", record.nodes_visited);
+  Set(json, "distance_tests", record.distance_tests);
+  if (!record.device.empty()) json["device"] = record.device;
+  json["code"] = absl::StatusCodeToString(status.code());
+  if (!status.ok()) json["message"] = std::string(status.message());
+  // A byte that is no UTF-8 must not cost the line.
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& file) {
+  spdlog::sink_ptr sink;
+  try {
+    if (file.empty()) {
+      sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
+    } else {
+      sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file);
+    }
+  } catch (const spdlog::spdlog_ex& error) {
+    return absl::PermissionDeniedError(fmt::format("log file '{}': {}", file, error.what()));
+  }
+  std::unique_ptr<RequestLog> log(new RequestLog);
+  log->writer_ = std::make_shared<spdlog::details::thread_pool>(kLinesAhead, 1);
+  log->logger_ = std::make_shared<spdlog::async_logger>(
+      "requests", std::move(sink), log->writer_, spdlog::async_overflow_policy::overrun_oldest);
+  log->logger_->set_pattern("%v");
+  log->logger_->flush_on(spdlog::level::info);
+  return log;
+}
+
+RequestLog::~RequestLog() {
+  logger_.reset();
+  writer_.reset();  // the last reference: joins the writer when its queue is empty
+}
+
+void RequestLog::Write(const RequestRecord& record, const absl::Status& status) {
+  logger_->info(ToJson(record, status, std::chrono::system_clock::now()));
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,68 @@
+#ifndef TREELIGHT_SERVER_REQUEST_LOG_H_
+#define TREELIGHT_SERVER_REQUEST_LOG_H_
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/gatherer.h"
+#include "spdlog/async_logger.h"
+#include "treelight/v1/photon_map.pb.h"
+
+namespace treelight::server {
+
+/// What is told of one request; what does not apply stays empty and is not written.
+struct RequestRecord {
+  std::string request_id;  ///< the client's, else a random one
+  std::string method;      ///< "Gather"; a GatherStream has one record for each batch
+  std::string peer;
+  std::string map;
+  std::uint64_t version = 0;             ///< 0: none answered
+  std::optional<std::uint64_t> photons;  ///< announced by a build
+  std::optional<std::uint64_t> queries;
+  std::optional<std::uint64_t> batch_id;
+  std::optional<std::uint32_t> k;
+  /// A radius for the whole batch; infinity is written as "inf".
+  std::optional<float> radius;
+  bool own_radii = false;  ///< the queries have a radius each: `r` is written as "per query"
+  std::uint64_t bytes_in = 0;
+  std::uint64_t bytes_out = 0;
+  v1::Timings timings;            ///< the same as in the answer
+  std::vector<StageTime> stages;  ///< of a build
+  std::optional<std::uint64_t>
+      nodes_visited;  ///< sum over the batch, where STATISTICS was asked for
+  std::optional<std::uint64_t> distance_tests;
+  std::string device;
+};
+
+/// `record` as one line of JSON without the line's end; `time` is when the request ended.
+std::string ToJson(const RequestRecord& record, const absl::Status& status,
+                   std::chrono::system_clock::time_point time);
+
+/// The request log: a line of JSON for each request. Safe to call from several threads at once. A
+/// thread of its own writes; should the disk or the pipe fall thousands of lines behind, the oldest
+/// are lost, no caller waits.
+class RequestLog {
+ public:
+  /// `file` is appended to; empty: stderr. PERMISSION_DENIED: it cannot be opened.
+  static absl::StatusOr<std::unique_ptr<RequestLog>> Open(const std::string& file);
+
+  /// Writes what is left.
+  ~RequestLog();
+
+  void Write(const RequestRecord& record, const absl::Status& status);
+
+ private:
+  RequestLog() = default;
+
+  std::shared_ptr<spdlog::details::thread_pool> writer_;
+  std::shared_ptr<spdlog::async_logger> logger_;
+};
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_REQUEST_LOG_H_

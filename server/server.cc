@@ -1,0 +1,119 @@
+#include "server/server.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "fmt/format.h"
+#include "grpcpp/ext/proto_server_reflection_plugin.h"
+#include "grpcpp/health_check_service_interface.h"
+#include "grpcpp/security/server_credentials.h"
+#include "grpcpp/server.h"
+#include "grpcpp/server_builder.h"
+#include "server/address.h"
+#include "server/service.h"
+
+namespace treelight::server {
+namespace {
+
+/// Clients may ping this often, calls open or not; gRPC's default of five minutes cuts keepalive
+/// clients off.
+constexpr int kMinPingIntervalMs = 5'000;
+/// A client that has vanished is noticed after these two.
+constexpr int kPingIntervalMs = 60'000, kPingTimeoutMs = 20'000;
+
+absl::Status CheckOptions(const ServerOptions& options) {
+  if (options.queue_depth == 0)
+    return absl::InvalidArgumentError("queue depth is 0, it must be at least 1");
+  if (!options.devices.empty() &&
+      (options.device_index < 0 ||
+       static_cast<std::size_t>(options.device_index) >= options.devices.size())) {
+    return absl::InvalidArgumentError(fmt::format("device index is {}, there are {} devices",
+                                                  options.device_index, options.devices.size()));
+  }
+  if (options.listen.empty()) return absl::OkStatus();
+  if (auto status = CheckAddress(options.listen); !status.ok()) return status;
+  if (!IsLocal(options.listen) && !options.allow_remote) {
+    return absl::InvalidArgumentError(fmt::format(
+        "address '{}' can be reached from other machines and nothing here is encrypted or asks "
+        "for a password; listen on 127.0.0.1, or say --insecure",
+        options.listen));
+  }
+  return absl::OkStatus();
+}
+
+void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
+  builder.SetMaxReceiveMessageSize(static_cast<int>(options.limits.max_message_bytes));
+  builder.SetMaxSendMessageSize(static_cast<int>(options.limits.max_message_bytes));
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                             kMinPingIntervalMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kPingIntervalMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kPingTimeoutMs);
+  // Two servers must not share a port unawares.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+}
+
+}  // namespace
+
+struct Server::Impl {
+  Impl(const ServerOptions& options, std::unique_ptr<Builder> builder,
+       std::unique_ptr<RequestLog> log)
+      : state(options, std::move(builder), std::move(log)), service(state) {}
+
+  State state;
+  PhotonMapService service;
+  int port = 0;
+  std::unique_ptr<grpc::Server> server;  // last: its calls use the rest
+};
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options,
+                                                      std::unique_ptr<Builder> builder) {
+  if (auto status = CheckOptions(options); !status.ok()) return status;
+  auto log = RequestLog::Open(options.log_file);
+  if (!log.ok()) return log.status();
+  auto impl = std::make_unique<Impl>(options, std::move(builder), *std::move(log));
+
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder server_builder;
+  Configure(options, server_builder);
+  if (!options.listen.empty()) {
+    server_builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &impl->port);
+  }
+  server_builder.RegisterService(&impl->service);
+  impl->server = server_builder.BuildAndStart();
+  const bool bound = options.listen.empty() || impl->port > 0;
+  if (impl->server == nullptr || !bound) {
+    return absl::UnavailableError(fmt::format(
+        "cannot listen on '{}': the address is taken, not this machine's, or not allowed",
+        options.listen));
+  }
+  if (options.listen.starts_with("unix:")) impl->port = 0;  // gRPC says 1 for a socket
+  impl->server->GetHealthCheckService()->SetServingStatus(v1::PhotonMapService::service_full_name(),
+                                                          true);
+  return std::unique_ptr<Server>(new Server(std::move(impl)));
+}
+
+Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Server::~Server() { impl_->server->Shutdown(std::chrono::system_clock::now()); }
+
+int Server::port() const { return impl_->port; }
+
+std::string Server::address() const { return WithPort(impl_->state.options.listen, impl_->port); }
+
+std::shared_ptr<grpc::Channel> Server::InProcessChannel(const grpc::ChannelArguments& arguments) {
+  return impl_->server->InProcessChannel(arguments);
+}
+
+std::size_t Server::Drain(std::chrono::system_clock::time_point deadline) {
+  impl_->server->GetHealthCheckService()->SetServingStatus(false);
+  impl_->state.calls.Close();
+  const std::size_t cut_off = impl_->state.calls.WaitForNone(deadline);
+  // Only health watchers, and what has run out of time, are open still: gRPC cancels them.
+  impl_->server->Shutdown(std::chrono::system_clock::now());
+  impl_->state.calls.WaitForNone(std::chrono::system_clock::time_point::max());
+  return cut_off;
+}
+
+}  // namespace treelight::server

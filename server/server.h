@@ -1,0 +1,53 @@
+#ifndef TREELIGHT_SERVER_SERVER_H_
+#define TREELIGHT_SERVER_SERVER_H_
+
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/builder.h"
+#include "grpcpp/channel.h"
+#include "grpcpp/support/channel_arguments.h"
+#include "server/options.h"
+
+namespace treelight::server {
+
+/// A running Treelight service with health (v1) and reflection. Safe to call from several threads
+/// at once.
+class Server {
+ public:
+  /// Starts to serve maps that `builder` makes. INVALID_ARGUMENT: an option is wrong, or the
+  /// address is not loopback and ServerOptions::allow_remote is false. UNAVAILABLE: the address
+  /// cannot be bound. PERMISSION_DENIED: the log file cannot be opened.
+  static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options,
+                                                       std::unique_ptr<Builder> builder);
+
+  /// Cancels what is still open, and waits for it to end.
+  ~Server();
+
+  /// TCP port bound; 0 where there is none (Unix socket, in-process only).
+  int port() const;
+
+  /// Where clients reach it: ServerOptions::listen with the port that was taken.
+  std::string address() const;
+
+  /// A channel that needs no socket. The server must outlive its calls.
+  std::shared_ptr<grpc::Channel> InProcessChannel(const grpc::ChannelArguments& arguments = {});
+
+  /// Ends the service: health says NOT_SERVING and new calls get UNAVAILABLE at once, those that
+  /// are open may finish until `deadline`, after which they are cancelled. Returns how many were;
+  /// blocks until all have ended. Once only.
+  std::size_t Drain(std::chrono::system_clock::time_point deadline);
+
+ private:
+  struct Impl;
+  explicit Server(std::unique_ptr<Impl> impl);
+
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_SERVER_H_

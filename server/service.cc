@@ -1,0 +1,89 @@
+#include "server/service.h"
+
+#include <string_view>
+
+#include "server/build_call.h"
+#include "server/call.h"
+#include "server/catalogue.h"
+#include "server/gather_call.h"
+#include "server/gather_stream.h"
+
+namespace treelight::server {
+namespace {
+
+/// A call that is answered at once. Owns itself, gone with OnDone.
+class QuickCall final : public grpc::ServerUnaryReactor {
+ public:
+  /// Answers with `handle(state, request, response)`.
+  template <typename Request, typename Response>
+  QuickCall(State& state, grpc::CallbackServerContext& context, std::string_view method,
+            absl::Status (*handle)(State&, const Request&, Response&), const Request& request,
+            Response& response)
+      : call_(state, context, method) {
+    const Stopwatch watch;
+    RequestRecord record = call_.NewRecord();
+    if constexpr (requires { request.version(); }) {
+      record.map = request.name();
+      record.version = request.version();
+    }
+    const absl::Status status =
+        call_.admission().ok() ? handle(state, request, response) : call_.admission();
+    record.bytes_in = request.ByteSizeLong();
+    record.bytes_out = status.ok() ? response.ByteSizeLong() : 0;
+    record.timings.set_total_us(watch.microseconds());
+    state.log->Write(record, status);
+    Finish(ToGrpcStatus(status));
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  Call call_;
+};
+
+}  // namespace
+
+grpc::ServerReadReactor<v1::BuildPhotonMapRequest>* PhotonMapService::BuildPhotonMap(
+    grpc::CallbackServerContext* context, v1::BuildPhotonMapResponse* response) {
+  return new BuildCall(state_, *context, *response);
+}
+
+grpc::ServerUnaryReactor* PhotonMapService::Gather(grpc::CallbackServerContext* context,
+                                                   const v1::GatherRequest* request,
+                                                   v1::GatherResponse* response) {
+  return new GatherCall(state_, *context, *request, *response);
+}
+
+grpc::ServerBidiReactor<v1::GatherRequest, v1::GatherResponse>* PhotonMapService::GatherStream(
+    grpc::CallbackServerContext* context) {
+  return new server::GatherStream(state_, *context);
+}
+
+grpc::ServerUnaryReactor* PhotonMapService::GetPhotonMap(grpc::CallbackServerContext* context,
+                                                         const v1::GetPhotonMapRequest* request,
+                                                         v1::PhotonMap* response) {
+  return new QuickCall(state_, *context, "GetPhotonMap", server::GetPhotonMap, *request, *response);
+}
+
+grpc::ServerUnaryReactor* PhotonMapService::ListPhotonMaps(grpc::CallbackServerContext* context,
+                                                           const v1::ListPhotonMapsRequest* request,
+                                                           v1::ListPhotonMapsResponse* response) {
+  return new QuickCall(state_, *context, "ListPhotonMaps", server::ListPhotonMaps, *request,
+                       *response);
+}
+
+grpc::ServerUnaryReactor* PhotonMapService::DeletePhotonMap(
+    grpc::CallbackServerContext* context, const v1::DeletePhotonMapRequest* request,
+    v1::DeletePhotonMapResponse* response) {
+  return new QuickCall(state_, *context, "DeletePhotonMap", server::DeletePhotonMap, *request,
+                       *response);
+}
+
+grpc::ServerUnaryReactor* PhotonMapService::GetServerInfo(grpc::CallbackServerContext* context,
+                                                          const v1::GetServerInfoRequest* request,
+                                                          v1::ServerInfo* response) {
+  return new QuickCall(state_, *context, "GetServerInfo", server::GetServerInfo, *request,
+                       *response);
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,52 @@
+#ifndef TREELIGHT_SERVER_STATE_H_
+#define TREELIGHT_SERVER_STATE_H_
+
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <utility>
+
+#include "core/builder.h"
+#include "server/active_calls.h"
+#include "server/device_queue.h"
+#include "server/map_store.h"
+#include "server/options.h"
+#include "server/request_log.h"
+#include "tbb/task_arena.h"
+
+namespace treelight::server {
+
+/// What all calls share; each part guards itself.
+struct State {
+  State(const ServerOptions& server_options, std::unique_ptr<Builder> map_builder,
+        std::unique_ptr<RequestLog> request_log)
+      : options(server_options),
+        builder(std::move(map_builder)),
+        log(std::move(request_log)),
+        device_queue(options.queue_depth) {}
+
+  /// Runs `work` away from gRPC's threads, of which there are few: on a thread of TBB, or at once
+  /// where it handles few `bytes`, less than the hop would cost.
+  template <typename Work>
+  void RunOnCpu(std::size_t bytes, Work work) {
+    constexpr std::size_t kFewBytes = 1 << 16;
+    if (bytes <= kFewBytes) {
+      work();
+    } else {
+      cpu.enqueue(std::move(work));
+    }
+  }
+
+  const ServerOptions options;
+  const std::unique_ptr<Builder> builder;  ///< used on the device queue's thread
+  const std::unique_ptr<RequestLog> log;
+  const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  MapStore store;
+  ActiveCalls calls;
+  tbb::task_arena cpu{tbb::task_arena::automatic, /*reserved_for_masters=*/0};
+  DeviceQueue device_queue;  // last: its jobs use the rest
+};
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_STATE_H_

@@ -1,0 +1,145 @@
+#include "server/upload.h"
+
+#include <cmath>
+#include <new>
+#include <string_view>
+#include <utility>
+
+#include "fmt/format.h"
+#include "server/wire_array.h"
+
+namespace treelight::server {
+namespace {
+
+constexpr std::size_t kPositionBytes = 3 * sizeof(float);
+constexpr std::size_t kPowerBytes = 3 * sizeof(float);
+constexpr std::size_t kDirectionBytes = 2 * sizeof(std::int16_t);
+
+/// Whether `bytes` holds what the header announced for `photon_count` photons.
+absl::Status CheckLength(std::string_view field, std::size_t bytes, bool announced,
+                         std::size_t bytes_per_photon, std::size_t photon_count) {
+  if (!announced && bytes > 0) {
+    return absl::InvalidArgumentError(
+        fmt::format("chunk.{}: {} bytes, but header.has_{} is false", field, bytes, field));
+  }
+  if (announced && bytes != bytes_per_photon * photon_count) {
+    return absl::InvalidArgumentError(
+        fmt::format("chunk.{}: {} bytes, expected {} ({} bytes for each of {} photons)", field,
+                    bytes, bytes_per_photon * photon_count, bytes_per_photon, photon_count));
+  }
+  return absl::OkStatus();
+}
+
+/// Checks the numbers of `array` from `first` on, three to a photon.
+absl::Status CheckNumbers(std::string_view field, const std::vector<float>& array,
+                          std::size_t first, float limit) {
+  for (std::size_t i = first; i < array.size(); ++i) {
+    if (std::fabs(array[i]) <= limit) continue;  // false for NaN
+    return absl::InvalidArgumentError(
+        fmt::format("chunk.{}: number {} of photon {} is {}, it must be finite and within {:g}",
+                    field, i % 3, i / 3, array[i], limit));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
+                             std::uint64_t bytes_used) {
+  const std::uint64_t buffer_bytes = plan.photon_count * sizeof(LeafPhoton);
+  if (buffer_bytes > device.max_buffer_bytes) {
+    return absl::ResourceExhaustedError(
+        fmt::format("header.photon_count is {}: a buffer of {} bytes, the largest of device '{}' "
+                    "is {}, {} photons; "
+                    "build several maps",
+                    plan.photon_count, buffer_bytes, device.name, device.max_buffer_bytes,
+                    device.max_buffer_bytes / sizeof(LeafPhoton)));
+  }
+  const std::uint64_t needed = buffer_bytes +
+                               (plan.has_powers ? plan.photon_count * kPowerBytes : 0) +
+                               (plan.has_directions ? plan.photon_count * kDirectionBytes : 0);
+  const std::uint64_t room = device.memory_bytes - std::min(device.memory_bytes, bytes_used);
+  if (needed > room) {
+    return absl::ResourceExhaustedError(
+        fmt::format("header.photon_count is {}: at least {} bytes, device '{}' has {} of which "
+                    "maps hold {}; delete "
+                    "maps or build a smaller one",
+                    plan.photon_count, needed, device.name, device.memory_bytes, bytes_used));
+  }
+  return absl::OkStatus();
+}
+
+Upload::Upload(const BuildPlan& plan, const Limits& limits)
+    : expected_(plan.photon_count),
+      has_powers_(plan.has_powers),
+      has_directions_(plan.has_directions),
+      max_chunk_bytes_(limits.max_chunk_bytes) {}
+
+absl::StatusOr<Upload> Upload::Start(const BuildPlan& plan, const Limits& limits) {
+  Upload upload(plan, limits);
+  try {
+    upload.photons_.positions.reserve(3 * plan.photon_count);
+    if (plan.has_powers) upload.photons_.powers.reserve(3 * plan.photon_count);
+    if (plan.has_directions) upload.photons_.directions.reserve(2 * plan.photon_count);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError(fmt::format(
+        "header.photon_count is {}: the server's memory does not hold so many at present; "
+        "build a smaller map or repeat later",
+        plan.photon_count));
+  }
+  return upload;
+}
+
+absl::Status Upload::Add(const v1::PhotonChunk& chunk) {
+  // Lengths agree with each other and with the header.
+  const std::size_t length = chunk.positions().size();
+  const std::size_t photon_count = length / kPositionBytes;
+  const std::size_t chunk_bytes = length + chunk.powers().size() + chunk.directions().size();
+  if (chunk_bytes > max_chunk_bytes_) {
+    return absl::InvalidArgumentError(fmt::format(
+        "chunk: arrays of {} bytes, at most {} (ServerLimits.max_chunk_bytes) are possible; "
+        "send smaller chunks",
+        chunk_bytes, max_chunk_bytes_));
+  }
+  if (length % kPositionBytes != 0) {
+    return absl::InvalidArgumentError(fmt::format(
+        "chunk.positions: {} bytes are no multiple of {}, three float32", length, kPositionBytes));
+  }
+  if (photon_count == 0) {
+    return absl::InvalidArgumentError("chunk.positions: 0 photons, a chunk holds at least 1");
+  }
+  auto status =
+      CheckLength("powers", chunk.powers().size(), has_powers_, kPowerBytes, photon_count);
+  if (status.ok()) {
+    status = CheckLength("directions", chunk.directions().size(), has_directions_, kDirectionBytes,
+                         photon_count);
+  }
+  if (!status.ok()) return status;
+  if (photon_count > expected_ - received()) {
+    return absl::InvalidArgumentError(
+        fmt::format("chunk.positions: {} photons after {}, header.photon_count announced {}",
+                    photon_count, received(), expected_));
+  }
+
+  // Numbers are allowed.
+  const std::size_t first = photons_.positions.size();
+  AppendFromWire(chunk.positions(), photons_.positions);
+  AppendFromWire(chunk.powers(), photons_.powers);
+  AppendFromWire(chunk.directions(), photons_.directions);
+  status = CheckNumbers("positions", photons_.positions, first, kMaxCoordinate);
+  if (status.ok() && has_powers_) {
+    status = CheckNumbers("powers", photons_.powers, first, std::numeric_limits<float>::max());
+  }
+  return status;
+}
+
+absl::StatusOr<Photons> Upload::Finish() && {
+  if (received() != expected_) {
+    return absl::InvalidArgumentError(
+        fmt::format("the stream ended after {} photons, header.photon_count announced {}",
+                    received(), expected_));
+  }
+  return std::move(photons_);
+}
+
+}  // namespace treelight::server

@@ -1,0 +1,46 @@
+#ifndef TREELIGHT_SERVER_UPLOAD_H_
+#define TREELIGHT_SERVER_UPLOAD_H_
+
+#include <cstdint>
+
+#include "absl/status/statusor.h"
+#include "core/model/photons.h"
+#include "server/convert.h"
+
+namespace treelight::server {
+
+/// Refuses a map that the device cannot hold: its photons, 16 B each in one buffer, larger than the
+/// largest buffer, or with powers and directions larger than the memory that `bytes_used` of other
+/// maps leave. RESOURCE_EXHAUSTED.
+absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
+                             std::uint64_t bytes_used);
+
+/// Puts the chunks of one upload together; the arrays are reserved in whole at the start.
+class Upload {
+ public:
+  /// Of a plan that passed the limits. RESOURCE_EXHAUSTED: this machine's memory does not hold it.
+  static absl::StatusOr<Upload> Start(const BuildPlan& plan, const Limits& limits);
+
+  /// Appends a chunk. INVALID_ARGUMENT: arrays of unequal length, an array missing or not
+  /// announced, no photons, more than announced, or a number that is not allowed; the message names
+  /// field, index and value, the photon counted over the whole upload. After an error the upload is
+  /// of no further use.
+  absl::Status Add(const v1::PhotonChunk& chunk);
+
+  /// The photons. INVALID_ARGUMENT: fewer came than announced.
+  absl::StatusOr<Photons> Finish() &&;
+
+  std::uint64_t received() const { return photons_.size(); }  ///< photons so far
+
+ private:
+  Upload(const BuildPlan& plan, const Limits& limits);
+
+  std::uint64_t expected_;  // photons
+  bool has_powers_, has_directions_;
+  std::uint64_t max_chunk_bytes_;
+  Photons photons_;
+};
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_UPLOAD_H_

@@ -1,0 +1,36 @@
+#ifndef TREELIGHT_SERVER_WIRE_ARRAY_H_
+#define TREELIGHT_SERVER_WIRE_ARRAY_H_
+
+#include <bit>
+#include <cstring>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+// Arrays on the wire are `bytes` of little-endian numbers (photon_map.proto), as this machine keeps
+// them.
+namespace treelight::server {
+
+static_assert(std::endian::native == std::endian::little);
+
+/// Numbers of a `bytes` field, appended to `array`. `bytes` holds whole numbers, the caller has
+/// checked.
+template <typename T>
+void AppendFromWire(const std::string& bytes, std::vector<T>& array) {
+  static_assert(std::is_arithmetic_v<T>);
+  const std::size_t size = array.size();
+  array.resize(size + bytes.size() / sizeof(T));
+  if (!bytes.empty()) std::memcpy(array.data() + size, bytes.data(), bytes.size());
+}
+
+/// The `bytes` field of `array`.
+template <typename T>
+std::string ToWire(std::span<const T> array) {
+  static_assert(std::is_arithmetic_v<T>);
+  return std::string(reinterpret_cast<const char*>(array.data()), array.size_bytes());
+}
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_WIRE_ARRAY_H_
