@@ -1,0 +1,33 @@
+#include <utility>
+
+#include "client/gather_stream.h"
+#include "client/gather_wire.h"
+#include "client/photon_map_client.h"
+#include "client/photon_map_client_impl.h"
+
+namespace treelight::client {
+
+struct GatherPipeline::Impl {
+  MapRef map;
+  GatherOptions options;
+  std::uint64_t sent_count = 0;  // batches
+  GatherStream stream;
+};
+
+GatherPipeline::GatherPipeline(PhotonMapClient& client, MapRef map, GatherOptions options)
+    : impl_(new Impl{
+          .map = std::move(map),
+          .options = options,
+          .stream{*client.impl_->stub, /*deadline=*/Deadline::max(), client.impl_->timeout}}) {}
+
+GatherPipeline::~GatherPipeline() = default;
+
+absl::Status GatherPipeline::Send(const GatherQueries& queries) {
+  if (const auto status = CheckLengths(queries); !status.ok()) return status;
+  return impl_->stream.Send(
+      MakeGatherRequest(impl_->map, impl_->sent_count++, queries, impl_->options));
+}
+
+absl::StatusOr<GatherAnswer> GatherPipeline::Receive() { return impl_->stream.Receive(); }
+
+}  // namespace treelight::client

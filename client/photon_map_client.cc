@@ -1,0 +1,88 @@
+#include "client/photon_map_client.h"
+
+#include <utility>
+
+#include "client/photon_map_client_impl.h"
+#include "grpcpp/create_channel.h"
+#include "grpcpp/security/credentials.h"
+
+namespace treelight::client {
+namespace {
+
+// How long one attempt to connect may take, so that a host that swallows packets does not hang the
+// caller.
+constexpr int kConnectTimeoutMs = 5000;
+
+std::shared_ptr<grpc::Channel> Connect(const std::string& target) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(
+      -1);  // the server's limit counts, which may be set higher than the default
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectTimeoutMs);
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY,
+                   0);  // a proxy for the web has no use for a server nearby
+  return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
+}
+
+}  // namespace
+
+PhotonMapClient::PhotonMapClient(const std::string& target, std::chrono::milliseconds timeout)
+    : PhotonMapClient(Connect(target), timeout) {}
+
+PhotonMapClient::PhotonMapClient(std::shared_ptr<grpc::Channel> channel,
+                                 std::chrono::milliseconds timeout)
+    : impl_(std::make_unique<Impl>(std::move(channel), timeout)) {}
+
+PhotonMapClient::~PhotonMapClient() = default;
+
+absl::StatusOr<v1::ServerInfo> PhotonMapClient::GetServerInfo() {
+  return impl_->Call(&v1::PhotonMapService::Stub::GetServerInfo, v1::GetServerInfoRequest(),
+                     impl_->NextDeadline());
+}
+
+absl::StatusOr<std::vector<v1::PhotonMap>> PhotonMapClient::ListPhotonMaps() {
+  auto response = impl_->Call(&v1::PhotonMapService::Stub::ListPhotonMaps,
+                              v1::ListPhotonMapsRequest(), impl_->NextDeadline());
+  if (!response.ok()) return response.status();
+  return std::vector<v1::PhotonMap>(response->maps().begin(), response->maps().end());
+}
+
+absl::StatusOr<v1::PhotonMap> PhotonMapClient::GetPhotonMap(const MapRef& map) {
+  v1::GetPhotonMapRequest request;
+  request.set_name(map.name);
+  request.set_version(map.version);
+  return impl_->Call(&v1::PhotonMapService::Stub::GetPhotonMap, request, impl_->NextDeadline());
+}
+
+absl::StatusOr<std::uint32_t> PhotonMapClient::DeletePhotonMap(const MapRef& map) {
+  v1::DeletePhotonMapRequest request;
+  request.set_name(map.name);
+  request.set_version(map.version);
+  const auto response =
+      impl_->Call(&v1::PhotonMapService::Stub::DeletePhotonMap, request, impl_->NextDeadline());
+  if (!response.ok()) return response.status();
+  return response->deleted();
+}
+
+absl::StatusOr<v1::ServerLimits> PhotonMapClient::Impl::GetLimits(Deadline deadline) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (limits_) return *limits_;
+  }
+  const auto info =
+      Call(&v1::PhotonMapService::Stub::GetServerInfo, v1::GetServerInfoRequest(), deadline);
+  if (!info.ok()) return info.status();
+  v1::ServerLimits limits = info->limits();
+  if (limits.max_message_bytes() == 0) limits.set_max_message_bytes(4 << 20);
+  if (limits.max_chunk_bytes() == 0) limits.set_max_chunk_bytes(1 << 20);
+  if (limits.max_queries() == 0) limits.set_max_queries(1 << 16);
+  const std::lock_guard lock(mutex_);
+  limits_ = limits;
+  return limits;
+}
+
+void PhotonMapClient::Impl::ForgetLimits() {
+  const std::lock_guard lock(mutex_);
+  limits_.reset();
+}
+
+}  // namespace treelight::client

@@ -1,0 +1,62 @@
+#ifndef TREELIGHT_CLIENT_PHOTON_MAP_CLIENT_IMPL_H_
+#define TREELIGHT_CLIENT_PHOTON_MAP_CLIENT_IMPL_H_
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "absl/status/statusor.h"
+#include "client/photon_map_client.h"
+#include "client/status.h"
+#include "grpcpp/channel.h"
+#include "grpcpp/client_context.h"
+#include "treelight/v1/photon_map.grpc.pb.h"
+
+namespace treelight::client {
+
+/// End of a call; time_point::max() means never.
+using Deadline = std::chrono::system_clock::time_point;
+
+/// What the files that implement PhotonMapClient and GatherPipeline share.
+struct PhotonMapClient::Impl {
+  Impl(std::shared_ptr<grpc::Channel> channel, std::chrono::milliseconds call_timeout)
+      : stub(v1::PhotonMapService::NewStub(channel)), timeout(call_timeout) {}
+
+  /// When a call that begins now must end.
+  Deadline NextDeadline() const {
+    return timeout.count() == 0 ? Deadline::max() : std::chrono::system_clock::now() + timeout;
+  }
+
+  /// Makes a unary call, `method` being a member of Stub.
+  template <typename Request, typename Response>
+  absl::StatusOr<Response> Call(grpc::Status (v1::PhotonMapService::Stub::*method)(
+                                    grpc::ClientContext*, const Request&, Response*),
+                                const Request& request, Deadline deadline) {
+    grpc::ClientContext context;
+    context.set_deadline(deadline);
+    Response response;
+    const grpc::Status status = (stub.get()->*method)(&context, request, &response);
+    if (!status.ok()) return ToAbslStatus(status);
+    return response;
+  }
+
+  /// The server's limits, asked for once; a limit that the server does not tell has its documented
+  /// value.
+  absl::StatusOr<v1::ServerLimits> GetLimits(Deadline deadline);
+
+  /// Asks for the limits again before the next use: after an error, for the server may be another
+  /// one now.
+  void ForgetLimits();
+
+  const std::unique_ptr<v1::PhotonMapService::Stub> stub;
+  const std::chrono::milliseconds timeout;  // zero: none
+
+ private:
+  std::mutex mutex_;
+  std::optional<v1::ServerLimits> limits_;  // guarded by mutex_
+};
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_PHOTON_MAP_CLIENT_IMPL_H_

@@ -1,0 +1,124 @@
+#include <algorithm>
+#include <random>
+#include <span>
+
+#include "client/photon_map_client.h"
+#include "client/photon_map_client_impl.h"
+#include "fmt/format.h"
+
+// PhotonMapClient::BuildPhotonMap: photons go to the server in chunks.
+namespace treelight::client {
+namespace {
+
+constexpr std::uint64_t kMaxChunkBytes = 1 << 20;  // of arrays, where the server allows more
+constexpr int kAttemptCount = 2;
+
+std::string RandomId() {
+  std::random_device random;
+  return fmt::format("{:08x}{:08x}{:08x}{:08x}", random(), random(), random(), random());
+}
+
+absl::Status CheckLengths(const Photons& photons) {
+  const std::size_t n = photons.size();
+  if (photons.positions.size() != 3 * n) {
+    return absl::InvalidArgumentError(
+        fmt::format("positions: {} numbers are no multiple of 3", photons.positions.size()));
+  }
+  if (!photons.powers.empty() && photons.powers.size() != 3 * n) {
+    return absl::InvalidArgumentError(
+        fmt::format("powers: {} numbers, expected {} or none", photons.powers.size(), 3 * n));
+  }
+  if (!photons.directions.empty() && photons.directions.size() != 2 * n) {
+    return absl::InvalidArgumentError(fmt::format("directions: {} numbers, expected {} or none",
+                                                  photons.directions.size(), 2 * n));
+  }
+  return absl::OkStatus();
+}
+
+v1::BuildPhotonMapRequest MakeHeader(const std::string& name, const Photons& photons,
+                                     const UploadOptions& options, const std::string& request_id) {
+  v1::BuildPhotonMapRequest request;
+  v1::BuildHeader& header = *request.mutable_header();
+  header.set_name(name);
+  header.set_photon_count(photons.size());
+  header.set_has_powers(!photons.powers.empty());
+  header.set_has_directions(!photons.directions.empty());
+  *header.mutable_options() = options.build;
+  header.set_time_to_live_ms(
+      static_cast<std::uint64_t>(std::max<std::int64_t>(0, options.time_to_live.count())));
+  header.set_request_id(request_id);
+  return request;
+}
+
+// Bytes of the numbers of the photons [first, first + count), `width` numbers each; none of an
+// empty array.
+template <typename T>
+std::string Bytes(const std::vector<T>& array, std::size_t width, std::size_t first,
+                  std::size_t count) {
+  if (array.empty()) return {};
+  return {reinterpret_cast<const char*>(&array[width * first]), width * count * sizeof(T)};
+}
+
+v1::BuildPhotonMapRequest MakeChunk(const Photons& photons, std::size_t first, std::size_t count) {
+  v1::BuildPhotonMapRequest request;
+  v1::PhotonChunk& chunk = *request.mutable_chunk();
+  chunk.set_positions(Bytes(photons.positions, 3, first, count));
+  chunk.set_powers(Bytes(photons.powers, 3, first, count));
+  chunk.set_directions(Bytes(photons.directions, 2, first, count));
+  return request;
+}
+
+std::size_t PhotonsPerChunk(const Photons& photons, const v1::ServerLimits& limits) {
+  const std::size_t photon_bytes = 3 * sizeof(float) +
+                                   (photons.powers.empty() ? 0 : 3 * sizeof(float)) +
+                                   (photons.directions.empty() ? 0 : 2 * sizeof(std::int16_t));
+  return std::max<std::size_t>(1,
+                               std::min(kMaxChunkBytes, limits.max_chunk_bytes()) / photon_bytes);
+}
+
+// One attempt. The server may answer before it has read all, when it knows the request id.
+absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& stub,
+                                                  const v1::BuildPhotonMapRequest& header,
+                                                  const Photons& photons,
+                                                  std::size_t photons_per_chunk,
+                                                  const UploadOptions& options, Deadline deadline) {
+  grpc::ClientContext context;
+  context.set_deadline(deadline);
+  v1::BuildPhotonMapResponse response;
+  const auto writer = stub.BuildPhotonMap(&context, &response);
+  bool open = writer->Write(header);
+  for (std::size_t first = 0; open && first < photons.size(); first += photons_per_chunk) {
+    const std::size_t count = std::min(photons_per_chunk, photons.size() - first);
+    open = writer->Write(MakeChunk(photons, first, count));
+    if (open && options.progress) options.progress(first + count);
+  }
+  if (open) writer->WritesDone();
+  if (const auto status = writer->Finish(); !status.ok()) return ToAbslStatus(status);
+  if (response.map().name().empty() || response.map().version() == 0) {
+    return absl::InternalError("malformed answer from the server: it names no map");
+  }
+  return response;
+}
+
+}  // namespace
+
+absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::BuildPhotonMap(
+    const std::string& name, const Photons& photons, const UploadOptions& options) {
+  if (const auto status = CheckLengths(photons); !status.ok()) return status;
+  const Deadline deadline = impl_->NextDeadline();
+  const auto limits = impl_->GetLimits(deadline);
+  if (!limits.ok()) return limits.status();
+  const auto header = MakeHeader(name, photons, options,
+                                 options.request_id.empty() ? RandomId() : options.request_id);
+  // A connection that breaks leaves open whether the map was built; the request id makes it safe to
+  // ask again.
+  for (int attempt = 1;; ++attempt) {
+    auto response =
+        Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options, deadline);
+    if (response.ok()) return response;
+    impl_->ForgetLimits();
+    if (!absl::IsUnavailable(response.status()) || attempt == kAttemptCount) return response;
+  }
+}
+
+}  // namespace treelight::client
