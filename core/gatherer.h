@@ -78,7 +78,8 @@ struct GatherResult {
 
 /// Time of one stage of a build.
 struct StageTime {
-  std::string stage;  ///< "upload", "bounds", "morton", "sort", "ties", "leaves", "hierarchy", ...
+  std::string stage;  ///< "upload", "bounds", "morton", "sort", "levels", "ties", "leaves",
+                      ///< "permute", "hierarchy", "statistics"
   double microseconds = 0;
 };
 

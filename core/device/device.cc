@@ -91,27 +91,26 @@ FoundDevice Choose(const std::string& wanted) {
       absl::NotFoundError(fmt::format("device \"{}\" is none of those here ({})", wanted, names)));
 }
 
-/// OpenCL C 3.0 where the device has atomics of device scope, else 1.2; see bottom_up.cl.
-std::string LanguageOption(const cl::Device& device) {
-  constexpr cl_device_info kOpenClCFeatures = 0x106F;  // CL_DEVICE_OPENCL_C_FEATURES of OpenCL 3.0
-  struct NameVersion {
-    cl_uint version;
-    char name[64];
-  };
-  std::size_t bytes = 0;
-  if (clGetDeviceInfo(device(), kOpenClCFeatures, 0, nullptr, &bytes) != CL_SUCCESS)
-    return "-cl-std=CL1.2";
-  std::vector<NameVersion> features(bytes / sizeof(NameVersion));
-  if (clGetDeviceInfo(device(), kOpenClCFeatures, bytes, features.data(), nullptr) != CL_SUCCESS) {
-    return "-cl-std=CL1.2";
+/// OpenCL C 3.0 where it has atomics of device scope, else 1.2, whose fences order memory across
+/// work-groups on CPUs alone (see hierarchy.cl). What compiles decides: one GPU driver compiles
+/// these atomics and does not list them, and its 1.2 fence holds within a work-group only, which
+/// left stale boxes behind.
+std::string LanguageOption(const cl::Context& context, const cl::Device& device,
+                           const DeviceInfo& info) {
+  const cl::Program probe(
+      context,
+      "kernel void probe(volatile global atomic_uint* a) {"
+      "  atomic_exchange_explicit(a, 1u, memory_order_acq_rel, memory_scope_device);"
+      "}");
+  try {
+    probe.build({device}, "-cl-std=CL3.0");
+    return "-cl-std=CL3.0";
+  } catch (const cl::Error&) {
+    if (info.type == "cpu") return "-cl-std=CL1.2";
+    throw StatusError(absl::InternalError(fmt::format(
+        "device {} has no atomics of device scope (OpenCL C 3.0): trees cannot be built on it",
+        info.name)));
   }
-  const auto has = [&](std::string_view name) {
-    return std::any_of(features.begin(), features.end(),
-                       [&](const NameVersion& f) { return name == f.name; });
-  };
-  return has("__opencl_c_atomic_order_acq_rel") && has("__opencl_c_atomic_scope_device")
-             ? "-cl-std=CL3.0"
-             : "-cl-std=CL1.2";
 }
 
 /// The cache folder that `options` names; PoCL's own cache goes into it too, unless the user has
@@ -148,7 +147,7 @@ Device::Device(cl::Device device, DeviceInfo info, const DeviceOptions& options)
       context_(device_),
       queue_(context_, device_, CL_QUEUE_PROFILING_ENABLE),
       programs_(context_, device_, CacheDirectory(options)),
-      build_options_(LanguageOption(device_)),
+      build_options_(LanguageOption(context_, device_, info_)),
       local_memory_bytes_(device_.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()) {
   // Without the flag one GPU's sqrt and division miss the last bit; a device that lacks it is exact
   // or says so here.

@@ -10,7 +10,7 @@ Gpu OpenGpu(const DeviceOptions& options) {
   Device& device = *gpu.device;
   const std::string group = fmt::format("-DGROUP_SIZE={}", kGroupSize);
   gpu.stages = device.Program({"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl",
-                               "leaves.cl", "hierarchy.cl"},
+                               "leaves.cl", "hierarchy.cl", "statistics.cl"},
                               group);
   gpu.sort_32 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=32");
   gpu.sort_64 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=64");

@@ -15,10 +15,10 @@ inline constexpr std::size_t kGroupSize = 256;
 /// A device with the compiled kernels of all stages. Cheap to copy.
 struct Gpu {
   std::shared_ptr<Device> device;
-  cl::Program stages;         ///< bounds, morton, split_levels, ties, leaves, hierarchy, scan
-  cl::Program sort_32;        ///< radix_sort of 32-bit keys
-  cl::Program sort_64;        ///< radix_sort of 64-bit keys
-  cl::Program gather;         ///< gather_nearest with heaps in local memory, gather_range
+  cl::Program stages;   ///< bounds, morton, split_levels, ties, leaves, hierarchy, statistics, scan
+  cl::Program sort_32;  ///< radix_sort of 32-bit keys
+  cl::Program sort_64;  ///< radix_sort of 64-bit keys
+  cl::Program gather;   ///< gather_nearest with heaps in local memory, gather_range
   cl::Program gather_global;  ///< gather_nearest with heaps in global memory, gather_list
 
   const cl::Context& context() const { return device->context(); }

@@ -11,6 +11,7 @@
 #include "core/gpu/morton.h"
 #include "core/gpu/radix_sort.h"
 #include "core/gpu/split_levels.h"
+#include "core/gpu/statistics.h"
 #include "core/gpu/ties.h"
 #include "core/model/morton_grid.h"
 #include "core/model/tree.h"
@@ -65,9 +66,14 @@ SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::s
   return {std::move(codes.values), std::move(levels)};
 }
 
-DeviceTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
-                     const Box& bounds, const BuildOptions& options, const CancelCheck& cancelled,
-                     StageTimer& timer) {
+struct MeasuredTree {
+  DeviceTree tree;
+  TreeStatistics statistics;
+};
+
+MeasuredTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                       const Box& bounds, const BuildOptions& options, const CancelCheck& cancelled,
+                       StageTimer& timer) {
   const MortonGrid grid = MakeMortonGrid(bounds, options.morton_bits);
   const auto bits = static_cast<unsigned>(options.morton_bits);
   const SortedPhotons sorted = options.morton_bits == MortonBits::k63
@@ -83,7 +89,10 @@ DeviceTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size_t
   ThrowIfCancelled(cancelled);
   DeviceTree tree = BuildHierarchy(gpu, sorted.levels, leaves, std::move(photons));
   timer.Mark("hierarchy");
-  return tree;
+  const TreeStatistics statistics = SumStatistics(gpu, tree, leaves.leaf_count);
+  tree.climbs = {};
+  timer.Mark("statistics");
+  return {std::move(tree), statistics};
 }
 
 class GpuBuilder : public Builder {
@@ -125,7 +134,10 @@ class GpuBuilder : public Builder {
     timer.Mark("bounds");
     map.grid = MakeMortonGrid(bounds, MortonBits::k30);
     if (count > 0) {
-      map.tree = BuildTree(gpu_, positions, count, bounds, options, cancelled, timer);
+      auto [tree, statistics] =
+          BuildTree(gpu_, positions, count, bounds, options, cancelled, timer);
+      map.tree = std::move(tree);
+      map.report.tree = statistics;
     } else {
       map.tree.nodes = Buffer<Node>(gpu_.context(), 0);
       map.tree.min_ids = Buffer<cl_uint>(gpu_.context(), 0);

@@ -10,13 +10,16 @@ DeviceTree BuildHierarchy(const Gpu& gpu, const Buffer<cl_uchar>& levels, const 
   DeviceTree tree{{},
                   Buffer<Node>(gpu.context(), node_count),
                   Buffer<cl_uint>(gpu.context(), 2 * node_count),
-                  std::move(photons)};
+                  std::move(photons),
+                  Buffer<cl_ulong>(gpu.context(), leaves.leaf_count)};
+  const Buffer<cl_uchar> heights(gpu.context(), 2 * node_count);
   const Buffer<cl_uint> meetings(gpu.context(), node_count);
   meetings.Fill(gpu.queue(), kNoPhoton);  // NOBODY
   const Buffer<Root> root(gpu.context(), 1);
   Launch(gpu, gpu.stages, "hierarchy", leaves.leaf_count, kGroupSize, levels.get(),
          leaves.firsts.get(), static_cast<cl_uint>(leaves.leaf_count), tree.photons.get(),
-         meetings.get(), tree.nodes.get(), tree.min_ids.get(), root.get());
+         meetings.get(), tree.nodes.get(), tree.min_ids.get(), heights.get(), tree.climbs.get(),
+         root.get());
   tree.root = root.Read(gpu.queue())[0];
   return tree;
 }

@@ -5,6 +5,7 @@
 #include "core/gpu/gpu.h"
 #include "core/gpu/leaves.h"
 #include "core/kernels/types.h"
+#include "core/model/tree.h"
 
 namespace treelight {
 
@@ -14,6 +15,8 @@ struct DeviceTree {
   Buffer<Node> nodes;          ///< [leaf_count - 1]
   Buffer<cl_uint> min_ids;     ///< [2 * nodes]
   Buffer<LeafPhoton> photons;  ///< [n]
+  Buffer<cl_ulong>
+      climbs;  ///< [leaf_count] for the statistics of the build; may be dropped after them
 };
 
 /// Builds the tree over `leaves` of `photons` in leaf order, at least one, from the split levels

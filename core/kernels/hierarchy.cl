@@ -27,14 +27,19 @@ uint fenced_exchange(volatile global uint* meeting, const uint value) {
 /// @param meetings  [leaf_count - 1] in: NOBODY; used up
 /// @param nodes     [leaf_count - 1] out: node i separates leaves i and i + 1
 /// @param min_ids   [2 * (leaf_count - 1)] out: smallest photon index below each left, right child
+/// @param heights   [2 * (leaf_count - 1)] out: edges from each left, right child to the deepest leaf below it
+/// @param climbs    [leaf_count] out: leaves below each node that this leaf's item finished, summed
 /// @param root      [1] out
 kernel void hierarchy(global const uchar* restrict levels, global const uint* restrict firsts, const uint leaf_count,
                       global const LeafPhoton* restrict photons, volatile global Meeting* meetings,
-                      global Node* nodes, global uint* min_ids, global Root* root) {
+                      global Node* nodes, global uint* min_ids, global uchar* heights, global ulong* climbs,
+                      global Root* root) {
   uint a = get_global_id(0), b = a;  // leaves of the subtree
   if (a >= leaf_count) return;
   uint link = kLeafBit | firsts[a];
-  uint count = firsts[a + 1] - firsts[a], min_id = NOBODY;
+  const uint leaf = a;
+  uint count = firsts[a + 1] - firsts[a], min_id = NOBODY, height = 0;
+  ulong climb = 0;
   float3 low = INFINITY, high = -INFINITY;
   for (uint i = 0; i < count; ++i) {
     const float4 photon = vload4(firsts[a] + i, (global const float*)photons);
@@ -60,6 +65,8 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
       node->left_count = count;
     }
     min_ids[2 * parent + is_right] = min_id;
+    heights[2 * parent + is_right] = (uchar)height;
+    climbs[leaf] = climb;
     // This item wrote one half of the node and releases it; the second to come acquires the other's half. The value
     // exchanged tells how far the other's leaves reach.
     const uint end = EXCHANGE(&meetings[parent], is_right ? b : a);
@@ -76,10 +83,14 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
       b = end;
     }
     min_id = min(min_id, min_ids[2 * parent + !is_right]);
+    height = max(height, (uint)heights[2 * parent + !is_right]) + 1;
+    climb += b - a + 1;
     link = parent;
   }
+  climbs[leaf] = climb;
   vstore3(low, 0, root->min);
   vstore3(high, 0, root->max);
   root->link = link;
   root->count = count;
+  root->depth = height;
 }

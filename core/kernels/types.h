@@ -34,6 +34,7 @@ typedef struct Root {
   float min[3], max[3]; /**< tight box of all photons, scene units */
   uint link;            /**< as a child link; undefined where count is 0 */
   uint count;           /**< photons */
+  uint depth;           /**< edges from the root to the deepest leaf */
 } Root;
 
 /** Photon in leaf order: position in scene units, index in the order of upload. 16 bytes. */

@@ -1,0 +1,14 @@
+#ifndef TREELIGHT_CORE_GPU_STATISTICS_H_
+#define TREELIGHT_CORE_GPU_STATISTICS_H_
+
+#include "core/gpu/hierarchy.h"
+
+namespace treelight {
+
+/// Statistics of `tree` over `leaf_count` leaves, at least one, as ComputeStatistics of
+/// core/model/tree.h gives them; areas are summed in float (statistics.cl). Waits.
+TreeStatistics SumStatistics(const Gpu& gpu, const DeviceTree& tree, std::size_t leaf_count);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_GPU_STATISTICS_H_
