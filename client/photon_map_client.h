@@ -19,23 +19,23 @@ namespace treelight::client {
 
 /// One version of a map on the server. Version 0 means the newest at the time of the call.
 struct MapRef {
-  std::string name;
+  std::string name{};
   std::uint64_t version = 0;
 };
 
 struct UploadOptions {
-  v1::BuildOptions build;                    ///< zeros: the server's defaults
+  v1::BuildOptions build{};                  ///< zeros: the server's defaults
   std::chrono::milliseconds time_to_live{};  ///< 0: the map stays
-  std::string request_id;  ///< empty: a random one, so that a retry inside the library is safe
-  /// Called after every chunk with photons sent so far, on the calling thread.
-  std::function<void(std::uint64_t photons_sent)> progress;
+  std::string request_id{};  ///< empty: a random one, so that a retry inside the library is safe
+  /// Called after every chunk with photons sent so far, on the calling thread; a retry begins anew.
+  std::function<void(std::uint64_t photons_sent)> progress{};
 };
 
 /// Answer of a batch, and which version gave it.
 struct GatherAnswer {
-  GatherResult result;
-  MapRef map;
-  v1::Timings timings;  ///< as the server measured them
+  GatherResult result{};
+  MapRef map{};
+  v1::Timings timings{};  ///< as the server measured them; of several batches, the sum
 };
 
 /// Blocking client of the Treelight service. Safe to call from several threads at once.

@@ -4,6 +4,7 @@
 
 #include "client/photon_map_client.h"
 #include "client/photon_map_client_impl.h"
+#include "client/upload_call.h"
 #include "fmt/format.h"
 
 // PhotonMapClient::BuildPhotonMap: photons go to the server in chunks.
@@ -82,19 +83,15 @@ absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& st
                                                   const Photons& photons,
                                                   std::size_t photons_per_chunk,
                                                   const UploadOptions& options, Deadline deadline) {
-  grpc::ClientContext context;
-  context.set_deadline(deadline);
-  v1::BuildPhotonMapResponse response;
-  const auto writer = stub.BuildPhotonMap(&context, &response);
-  bool open = writer->Write(header);
+  UploadCall call(stub, deadline);
+  bool open = call.Write(header);
   for (std::size_t first = 0; open && first < photons.size(); first += photons_per_chunk) {
     const std::size_t count = std::min(photons_per_chunk, photons.size() - first);
-    open = writer->Write(MakeChunk(photons, first, count));
+    open = call.Write(MakeChunk(photons, first, count));
     if (open && options.progress) options.progress(first + count);
   }
-  if (open) writer->WritesDone();
-  if (const auto status = writer->Finish(); !status.ok()) return ToAbslStatus(status);
-  if (response.map().name().empty() || response.map().version() == 0) {
+  auto response = call.Finish();
+  if (response.ok() && (response->map().name().empty() || response->map().version() == 0)) {
     return absl::InternalError("malformed answer from the server: it names no map");
   }
   return response;
