@@ -1,18 +1,15 @@
 #include "client/photon_ply.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
-#include <cstring>
-#include <fstream>
 #include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <string_view>
 #include <vector>
 
+#include "client/output_file.h"
 #include "client/ply_reader.h"
 #include "core/model/octahedral.h"
 #include "fmt/format.h"
@@ -51,22 +48,6 @@ void AppendVertex(const Photons& photons, std::size_t i, float max_power, std::s
     const double share = max_power > 0 ? std::max(0.0f, photons.powers[3 * i + c]) / max_power : 0;
     bytes.push_back(static_cast<char>(std::lround(255 * std::pow(share, 1 / kViewerGamma))));
   }
-}
-
-bool WriteAll(const std::string& path, const Photons& photons) {
-  std::ofstream stream(path, std::ios::binary);
-  std::string bytes = Header(photons);
-  const float max_power =
-      photons.powers.empty() ? 0 : *std::max_element(photons.powers.begin(), photons.powers.end());
-  for (std::size_t i = 0; i < photons.size() && stream; ++i) {
-    AppendVertex(photons, i, max_power, bytes);
-    if (bytes.size() < kFlushSize) continue;
-    stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    bytes.clear();
-  }
-  stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  stream.close();
-  return stream.good();
 }
 
 // Which properties of a vertex make a photon, and where each is in the values of
@@ -156,13 +137,19 @@ absl::Status WritePhotonPly(const std::string& path, const Photons& photons) {
     return absl::InvalidArgumentError(
         fmt::format("{}: arrays of photons are of unequal length", path));
   }
-  const std::string part = path + ".part";
-  errno = 0;
-  if (WriteAll(part, photons) && std::rename(part.c_str(), path.c_str()) == 0)
-    return absl::OkStatus();
-  const int reason = errno != 0 ? errno : EIO;
-  std::remove(part.c_str());
-  return absl::ErrnoToStatus(reason, fmt::format("cannot write {}", path));
+  auto file = OutputFile::Create(path);
+  if (!file.ok()) return file.status();
+  std::string bytes = Header(photons);
+  const float max_power =
+      photons.powers.empty() ? 0 : *std::max_element(photons.powers.begin(), photons.powers.end());
+  for (std::size_t i = 0; i < n; ++i) {
+    AppendVertex(photons, i, max_power, bytes);
+    if (bytes.size() < kFlushSize) continue;
+    if (const auto status = file->Write(bytes); !status.ok()) return status;
+    bytes.clear();
+  }
+  if (const auto status = file->Write(bytes); !status.ok()) return status;
+  return file->Commit();
 }
 
 absl::StatusOr<Photons> ReadPhotonPly(const std::string& path) {

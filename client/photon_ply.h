@@ -17,9 +17,8 @@ namespace treelight::client {
 ///   relative to the strongest one, with
 ///                                               a gamma of 2.2, so that viewers show colours; not
 ///                                               read back
-/// What is read back is the same bit by bit. Replaces `path` only when all is written; until then
-/// it is PATH.part. INVALID_ARGUMENT: arrays of unequal length. NOT_FOUND, RESOURCE_EXHAUSTED and
-/// the like: the file cannot be written, with the system's reason.
+/// What is read back is the same bit by bit. Written as an OutputFile, and with its errors.
+/// INVALID_ARGUMENT: arrays of unequal length.
 absl::Status WritePhotonPly(const std::string& path, const Photons& photons);
 
 /// Reads photons from a PLY file, ASCII or binary: x, y, z, and as the file has them all of

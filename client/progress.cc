@@ -29,8 +29,12 @@ Progress::Progress(std::string label, std::uint64_t total, std::string unit, std
       terminal_(isatty(fileno(stream)) == 1),
       shown_at_(std::chrono::steady_clock::now()) {}
 
-Progress::~Progress() {
+Progress::~Progress() { End(); }
+
+void Progress::End() {
   const std::lock_guard lock(mutex_);
+  if (ended_) return;
+  ended_ = true;
   if (!began_ && !terminal_) return;  // too short for a line
   if (!began_ || shown_ != done_) Show(done_);
   if (terminal_) fmt::print(stream_, "\n");

@@ -24,6 +24,9 @@ class Progress {
   /// `done` of `total` are done; never less than before.
   void Update(std::uint64_t done);
 
+  /// Ends the line, so that other output can follow. Once; the destructor does it otherwise.
+  void End();
+
  private:
   void Show(std::uint64_t done);
 
@@ -35,6 +38,7 @@ class Progress {
   std::chrono::steady_clock::time_point shown_at_;  // guarded by mutex_
   std::uint64_t done_ = 0;                          // guarded by mutex_
   std::uint64_t shown_ = 0;                         // guarded by mutex_; what the last output said
+  bool ended_ = false;                              // guarded by mutex_
   bool began_ = false;  // guarded by mutex_; whether there was any output
 };
 
