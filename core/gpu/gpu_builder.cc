@@ -74,8 +74,8 @@ struct MeasuredTree {
 MeasuredTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
                        const Box& bounds, const BuildOptions& options, const CancelCheck& cancelled,
                        StageTimer& timer) {
-  const MortonGrid grid = MakeMortonGrid(bounds, options.morton_bits);
   const auto bits = static_cast<unsigned>(options.morton_bits);
+  const MortonGrid grid = MakeMortonGrid(bounds, bits / 3);
   const SortedPhotons sorted = options.morton_bits == MortonBits::k63
                                    ? SortPhotons<cl_ulong>(gpu, positions, count, grid, bits, timer)
                                    : SortPhotons<cl_uint>(gpu, positions, count, grid, bits, timer);
@@ -132,7 +132,7 @@ class GpuBuilder : public Builder {
     timer.Mark("upload");
     const Box bounds = ComputeBounds(gpu_, positions, count);
     timer.Mark("bounds");
-    map.grid = MakeMortonGrid(bounds, MortonBits::k30);
+    map.grid = MakeMortonGrid(bounds, 10);
     if (count > 0) {
       auto [tree, statistics] =
           BuildTree(gpu_, positions, count, bounds, options, cancelled, timer);

@@ -7,18 +7,21 @@
 #include <cstdint>
 namespace treelight {
 using uint = std::uint32_t;
+#define TREELIGHT_SHARED inline constexpr uint
+#else
+#define TREELIGHT_SHARED constant uint
 #endif
 
 /** A child link with this bit is a leaf, the other bits are its first photon in leaf order; without
  * it the link is the index of a node. */
-#define kLeafBit 0x80000000u
+TREELIGHT_SHARED kLeafBit = 0x80000000u;
 
 /** Marks "no photon" in padded neighbour lists. */
-#define kNoPhoton 0xffffffffu
+TREELIGHT_SHARED kNoPhoton = 0xffffffffu;
 
 /** Deepest path from the root that a tree may have, in edges; the traversal stack has as many
  * places. */
-#define kMaxDepth 128
+enum { kMaxDepth = 128 }; /* an enumerator, to be the length of an array in both languages */
 
 /** Inner node of the tree: the tight boxes of both children, so that one read decides which to
  * visit. Node i separates leaf i from leaf i + 1 in leaf order (Apetrei 2014 numbers nodes this
@@ -55,24 +58,24 @@ typedef struct MortonGrid {
 /** A split level orders the boundaries between neighbours in leaf order: of the two boundaries of a
  * subtree, the one with the larger level is where the subtree meets its sibling. Levels below
  * kLevelIndex come from positions; kLevelIndex and up split photons by their place alone. */
-#define kLevelIndex 128u
-#define kLevelSame 254u /**< all photons of this run of equal codes are at one position */
-#define kLevelTied 255u /**< equal codes, not yet told apart */
+TREELIGHT_SHARED kLevelIndex = 128u;
+TREELIGHT_SHARED kLevelSame = 254u; /**< photons of equal codes at one position */
+TREELIGHT_SHARED kLevelTied = 255u; /**< photons of equal codes, not yet told apart */
 
 /** Bits of a code that tells apart the photons of a run of equal codes. */
-#define kTieBits 30u
+TREELIGHT_SHARED kTieBits = 30u;
 
 /** Bits of an output mask. */
-#define kOutputCount 1u
-#define kOutputRadius 2u
-#define kOutputNeighbors 4u
-#define kOutputDensity 8u
-#define kOutputStatistics 16u
+TREELIGHT_SHARED kOutputCount = 1u;
+TREELIGHT_SHARED kOutputRadius = 2u;
+TREELIGHT_SHARED kOutputNeighbors = 4u;
+TREELIGHT_SHARED kOutputDensity = 8u;
+TREELIGHT_SHARED kOutputStatistics = 16u;
 
 /** Density kernels. */
-#define kKernelConstant 0u
-#define kKernelCone 1u
-#define kKernelEpanechnikov 2u
+TREELIGHT_SHARED kKernelConstant = 0u;
+TREELIGHT_SHARED kKernelCone = 1u;
+TREELIGHT_SHARED kKernelEpanechnikov = 2u;
 
 /** Arguments of the gather kernels that are the same for all queries of a launch. */
 typedef struct GatherParams {
@@ -91,4 +94,5 @@ typedef struct GatherParams {
 static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16);
 }  // namespace treelight
 #endif
+#undef TREELIGHT_SHARED
 #endif

@@ -1,0 +1,366 @@
+#include "core/gatherer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "core/builder.h"
+#include "gtest/gtest.h"
+#include "tests/test_device.h"
+
+namespace treelight {
+namespace {
+
+constexpr std::uint32_t kExact = kOutputCount | kOutputRadius | kOutputNeighbors;
+constexpr float kUnlimited = std::numeric_limits<float>::infinity();
+
+/// The same photons twice: on the test device, and by brute force.
+struct Pair {
+  std::unique_ptr<Gatherer> device, brute_force;
+};
+
+Pair BuildPair(const Photons& photons, const BuildOptions& options = {}) {
+  auto device = TestBuilder().Build(photons, options);
+  auto brute_force = MakeBruteForceBuilder()->Build(photons, {});
+  EXPECT_TRUE(device.ok()) << device.status();
+  EXPECT_TRUE(brute_force.ok()) << brute_force.status();
+  return {*std::move(device), *std::move(brute_force)};
+}
+
+/// Both answers, which must hold the same bits but for densities. Returns the device's.
+GatherResult ExpectSameAnswers(const Pair& pair, const GatherQueries& queries,
+                               const GatherOptions& options) {
+  const auto actual = pair.device->Gather(queries, options);
+  const auto expected = pair.brute_force->Gather(queries, options);
+  EXPECT_TRUE(actual.ok()) << actual.status();
+  EXPECT_TRUE(expected.ok()) << expected.status();
+  EXPECT_EQ(actual->counts, expected->counts);
+  EXPECT_EQ(actual->radii, expected->radii);
+  EXPECT_EQ(actual->neighbor_ids, expected->neighbor_ids);
+  EXPECT_EQ(actual->neighbor_squared_distances, expected->neighbor_squared_distances);
+  EXPECT_EQ(actual->neighbor_offsets, expected->neighbor_offsets);
+  return *actual;
+}
+
+/// Half of the k-th distances of the queries are above this.
+float MedianRadius(const Gatherer& map, const GatherQueries& queries, std::uint32_t k) {
+  auto radii = map.Gather(queries, {.k = k, .outputs = kOutputRadius})->radii;
+  std::nth_element(radii.begin(), radii.begin() + radii.size() / 2, radii.end());
+  return std::isinf(radii[radii.size() / 2]) ? 1.0f : radii[radii.size() / 2];
+}
+
+class EveryCloud : public testing::TestWithParam<std::string> {};
+
+TEST_P(EveryCloud, AnswersAreBitEqualToBruteForce) {
+  for (const std::size_t size : {0, 1, 2, 17, 257, 20011}) {
+    const Photons photons = MakeCloud(CloudNamed(GetParam()), size, /*seed=*/7);
+    for (const BuildOptions& options :
+         {BuildOptions{}, BuildOptions{BuilderKind::kLbvh, MortonBits::k63, 5}}) {
+      const Pair pair = BuildPair(photons, options);
+      const auto positions = MakeQueries(photons, 97, /*seed=*/8);
+      const GatherQueries queries{positions, {}, {}};
+      const float radius = MedianRadius(*pair.brute_force, queries, 10);
+      SCOPED_TRACE("size " + std::to_string(size));
+      for (const std::uint32_t k : {1u, 8u, 50u}) {
+        for (const float r : {kUnlimited, radius, 0.0f}) {
+          ExpectSameAnswers(pair, queries, {.k = k, .radius = r, .outputs = kExact});
+        }
+      }
+      for (const float r : {radius, 0.0f}) {
+        ExpectSameAnswers(pair, queries, {.k = 0, .radius = r, .outputs = kExact});
+        ExpectSameAnswers(pair, queries, {.k = 0, .radius = r, .outputs = kOutputCount});
+      }
+    }
+  }
+}
+
+// Float sums of n positive terms, each right to a few roundings: within (n + 10) * 2^-24 of the sum
+// of all terms at their largest weight.
+void ExpectCloseDensities(const GatherResult& actual, const GatherResult& expected,
+                          const Photons& photons, DensityKernel kernel) {
+  const double peak = kernel == DensityKernel::kConstant ? 1
+                      : kernel == DensityKernel::kCone   ? 3
+                                                         : 2;
+  const double largest_power = *std::max_element(photons.powers.begin(), photons.powers.end());
+  ASSERT_EQ(actual.densities.size(), expected.densities.size());
+  for (std::size_t i = 0; i < expected.densities.size(); ++i) {
+    const double n = expected.counts[i / 3], r = expected.radii[i / 3];
+    if (r * r < 1e-30) continue;  // the squares underflow: no digits are left to compare
+    const double largest_sum =
+        r > 0 && std::isfinite(r) ? n * peak * largest_power / (M_PI * r * r) : 0;
+    ASSERT_NEAR(actual.densities[i], expected.densities[i],
+                (n + 10) * 0x1p-24 * largest_sum + std::numeric_limits<float>::min())
+        << i;
+  }
+}
+
+TEST_P(EveryCloud, DensitiesAreWithinTheStatedBound) {
+  const Photons photons = MakeCloud(CloudNamed(GetParam()), 20011, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const auto positions = MakeQueries(photons, 97, /*seed=*/8);
+  const auto normals = MakeQueries(photons, 97, /*seed=*/9);
+  const GatherQueries plain{positions, {}, {}}, with_normals{positions, normals, {}};
+  const float radius = MedianRadius(*pair.brute_force, plain, 50);
+  for (const DensityKernel kernel :
+       {DensityKernel::kConstant, DensityKernel::kCone, DensityKernel::kEpanechnikov}) {
+    for (const GatherQueries& queries : {plain, with_normals}) {
+      for (const std::uint32_t k : {0u, 50u}) {
+        const GatherOptions options{.k = k,
+                                    .radius = radius,
+                                    .outputs = kOutputCount | kOutputRadius | kOutputDensity,
+                                    .kernel = kernel};
+        const GatherResult actual = ExpectSameAnswers(pair, queries, options);
+        ExpectCloseDensities(actual, *pair.brute_force->Gather(queries, options), photons, kernel);
+      }
+    }
+  }
+}
+
+std::vector<std::string> CloudNames() {
+  std::vector<std::string> names;
+  for (const CloudShape& shape : AllClouds()) names.push_back(shape.name);
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(Clouds, EveryCloud, testing::ValuesIn(CloudNames()),
+                         [](const auto& test) { return test.param; });
+
+TEST(GathererTest, ManyQueriesInOneBatch) {
+  // Sorted on the device, and more than one launch.
+  const Photons photons = MakeCloud(CloudNamed("surfaces"), 3001, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const auto positions = MakeQueries(photons, 40009, /*seed=*/8);
+  ExpectSameAnswers(pair, {positions, {}, {}}, {.k = 5, .outputs = kExact});
+  ExpectSameAnswers(pair, {positions, {}, {}}, {.k = 0, .radius = 0.01f, .outputs = kExact});
+}
+
+TEST(GathererTest, LargeKUsesHeapsInGlobalMemory) {
+  const Photons photons = MakeCloud(CloudNamed("surfaces"), 20011, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const auto positions = MakeQueries(photons, 61, /*seed=*/8);
+  for (const std::uint32_t k : {100u, 513u, 1000u, kMaxNeighbors}) {
+    ExpectSameAnswers(pair, {positions, {}, {}}, {.k = k, .outputs = kExact});
+  }
+}
+
+TEST(GathererTest, ARadiusForEachQuery) {
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 20011, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const auto positions = MakeQueries(photons, 97, /*seed=*/8);
+  std::vector<float> radii;
+  for (int i = 0; i < 97; ++i) radii.push_back(0.002f * static_cast<float>(i));
+  ExpectSameAnswers(pair, {positions, {}, radii}, {.k = 0, .outputs = kExact});
+  radii[3] = kUnlimited;
+  ExpectSameAnswers(pair, {positions, {}, radii}, {.k = 20, .outputs = kExact});
+}
+
+// The k-th distance in float32 is within 5 roundings of the k-th in float64, since every distance
+// is.
+TEST(GathererTest, DistancesAreWithinTheStatedBoundOfFloat64) {
+  for (const std::string name : {"uniform", "surfaces", "offset_million", "huge"}) {
+    const Photons photons = MakeCloud(CloudNamed(name), 20011, /*seed=*/7);
+    const auto map = TestBuilder().Build(photons, {});
+    const auto positions = MakeQueries(photons, 31, /*seed=*/8);
+    const auto answer = (*map)->Gather({positions, {}, {}}, {.k = 50, .outputs = kOutputNeighbors});
+    ASSERT_TRUE(answer.ok()) << answer.status();
+    for (std::size_t q = 0; q < 31; ++q) {
+      std::vector<double> exact;
+      for (std::size_t i = 0; i < photons.size(); ++i) {
+        double d2 = 0;
+        for (int c = 0; c < 3; ++c) {
+          const double d = double{positions[3 * q + c]} - photons.positions[3 * i + c];
+          d2 += d * d;
+        }
+        exact.push_back(d2);
+      }
+      std::partial_sort(exact.begin(), exact.begin() + 50, exact.end());
+      for (std::size_t j = 0; j < 50; ++j) {
+        ASSERT_NEAR(answer->neighbor_squared_distances[50 * q + j], exact[j],
+                    5 * 0x1p-24 * exact[j])
+            << name;
+      }
+    }
+  }
+}
+
+TEST(GathererTest, AFreshBatchIsBitEqualToBruteForce) {
+  const unsigned seed = std::random_device{}();
+  SCOPED_TRACE(seed);
+  for (const CloudShape& shape : AllClouds()) {
+    SCOPED_TRACE(shape.name);
+    const Photons photons = MakeCloud(shape, 500 + seed % 3000, seed);
+    const Pair pair = BuildPair(photons);
+    const auto positions = MakeQueries(photons, 50, seed + 1);
+    ExpectSameAnswers(pair, {positions, {}, {}}, {.k = 1 + seed % 60, .outputs = kExact});
+  }
+}
+
+TEST(GathererTest, DuplicatesDoNotCostVisits) {
+  // 20011 photons at one place: ties fall to the smaller index without visiting them all.
+  const Photons photons = MakeCloud(CloudNamed("all_equal"), 20011, /*seed=*/7);
+  const auto map = TestBuilder().Build(photons, {});
+  const std::vector<float> positions(photons.positions.begin(), photons.positions.begin() + 3);
+  const auto answer = (*map)->Gather({positions, {}, {}},
+                                     {.k = 50, .radius = 0, .outputs = kExact | kOutputStatistics});
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  for (std::uint32_t i = 0; i < 50; ++i) EXPECT_EQ(answer->neighbor_ids[i], i);
+  EXPECT_LT(answer->nodes_visited[0], 40u);
+  EXPECT_LT(answer->distance_tests[0], 100u);
+}
+
+TEST(GathererTest, WholeSubtreesAreCounted) {
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 20011, /*seed=*/7);
+  const auto map = TestBuilder().Build(photons, {});
+  const std::vector<float> positions = {0.5f, 0.5f, 0.5f};
+  const auto answer = (*map)->Gather(
+      {positions, {}, {}}, {.k = 0, .radius = 5, .outputs = kOutputCount | kOutputStatistics});
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  EXPECT_EQ(answer->counts[0], 20011u);
+  EXPECT_EQ(answer->distance_tests[0], 0u);
+}
+
+TEST(GathererTest, DensityOfAnEndlessOrEmptyDiscIsZero) {
+  const Photons photons = MakeCloud(CloudNamed("all_equal"), 10, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const std::vector<float> positions = {photons.positions[0], photons.positions[1],
+                                        photons.positions[2]};
+  for (const Gatherer* map : {pair.device.get(), pair.brute_force.get()}) {
+    const auto endless =
+        map->Gather({positions, {}, {}}, {.k = 20, .outputs = kOutputDensity | kOutputRadius});
+    EXPECT_EQ(endless->densities, (std::vector<float>{0, 0, 0}));
+    EXPECT_EQ(endless->radii, (std::vector<float>{kUnlimited}));
+    const auto point =
+        map->Gather({positions, {}, {}}, {.k = 5, .outputs = kOutputDensity | kOutputRadius});
+    EXPECT_EQ(point->densities, (std::vector<float>{0, 0, 0}));
+    EXPECT_EQ(point->radii, (std::vector<float>{0}));
+  }
+}
+
+struct BadGather {
+  const char* name;
+  std::vector<float> positions, normals, radii;
+  GatherOptions options;
+  const char* message;
+};
+
+class BadGatherTest : public testing::TestWithParam<BadGather> {};
+
+TEST_P(BadGatherTest, IsRefusedByName) {
+  Photons photons = MakeCloud(CloudNamed("uniform"), 100, /*seed=*/7);
+  photons.directions.clear();
+  if (std::string(GetParam().name) == "NoPowers") photons.powers.clear();
+  const Pair pair = BuildPair(photons);
+  for (const Gatherer* map : {pair.device.get(), pair.brute_force.get()}) {
+    const auto answer = map->Gather({GetParam().positions, GetParam().normals, GetParam().radii},
+                                    GetParam().options);
+    EXPECT_EQ(answer.status().code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(answer.status().message(), GetParam().message);
+  }
+}
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+INSTANTIATE_TEST_SUITE_P(
+    Cases, BadGatherTest,
+    testing::Values(
+        BadGather{"BothUnlimited",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 0},
+                  "k is 0 and radius is unlimited: give k > 0 or a finite radius"},
+        BadGather{"RadiiUnlimited",
+                  {1, 2, 3},
+                  {},
+                  {kUnlimited},
+                  {.k = 0, .radius = 1},
+                  "k is 0 and radii[0] is unlimited: give k > 0 or a finite radius"},
+        BadGather{"NegativeRadius",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 1, .radius = -1},
+                  "radius is -1, it must be >= 0"},
+        BadGather{"NanRadius",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 1, .radius = kNan},
+                  "radius is nan, it must be >= 0"},
+        BadGather{"NanRadii",
+                  {1, 2, 3, 4, 5, 6},
+                  {},
+                  {1, kNan},
+                  {.k = 1},
+                  "radii[1] is nan, it must be >= 0"},
+        BadGather{
+            "FewRadii", {1, 2, 3, 4, 5, 6}, {}, {1}, {.k = 1}, "radii: 1 numbers for 2 queries"},
+        BadGather{"LargeK", {1, 2, 3}, {}, {}, {.k = 4097}, "k is 4097, at most 4096 is possible"},
+        BadGather{"NoOutputs",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 1, .outputs = 0},
+                  "outputs is 0, it must be a sum of known outputs and not 0"},
+        BadGather{"UnknownOutput",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 1, .outputs = 32},
+                  "outputs is 32, it must be a sum of known outputs and not 0"},
+        BadGather{"NanQuery",
+                  {1, 2, 3, 4, kNan, 6},
+                  {},
+                  {},
+                  {.k = 1},
+                  "positions[4] of query 1 is nan, it must be finite and within 1e+18"},
+        BadGather{
+            "OddLength", {1, 2}, {}, {}, {.k = 1}, "positions: 2 numbers are no multiple of 3"},
+        BadGather{"NoPowers",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 1, .outputs = kOutputDensity},
+                  "outputs: DENSITY needs powers; the map has none"},
+        BadGather{"NoDirections",
+                  {1, 2, 3},
+                  {0, 0, 1},
+                  {},
+                  {.k = 1, .outputs = kOutputDensity},
+                  "normals: the map has no directions; build it with directions or leave them out"},
+        BadGather{
+            "FewNormals", {1, 2, 3}, {0, 0}, {}, {.k = 1}, "normals: 2 numbers for 1 queries"},
+        BadGather{"UnknownKernel",
+                  {1, 2, 3},
+                  {},
+                  {},
+                  {.k = 1, .kernel = DensityKernel{3}},
+                  "kernel is 3, no such kernel"}),
+    [](const auto& test) { return test.param.name; });
+
+TEST(GathererTest, ACancelledGatherStops) {
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 1000, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const auto positions = MakeQueries(photons, 100, /*seed=*/8);
+  for (const GatherOptions& options : {GatherOptions{.k = 5}, GatherOptions{.k = 0, .radius = 1},
+                                       GatherOptions{.k = 0, .radius = 1, .outputs = 4}}) {
+    const auto answer = pair.device->Gather({positions, {}, {}}, options, [] { return true; });
+    EXPECT_EQ(answer.status().code(), absl::StatusCode::kCancelled);
+  }
+}
+
+TEST(GathererTest, AnswersLargerThanABufferAreRefused) {
+  const std::uint64_t limit = TestGpu().device->info().max_buffer_bytes;
+  const std::uint64_t query_count = limit / (4 * kMaxNeighbors) + 1;
+  if (query_count > 1'000'000) GTEST_SKIP() << "the device takes too many queries to try";
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 100, /*seed=*/7);
+  const auto map = TestBuilder().Build(photons, {});
+  const std::vector<float> positions(3 * query_count, 0.5f);
+  const auto answer =
+      (*map)->Gather({positions, {}, {}}, {.k = kMaxNeighbors, .outputs = kOutputNeighbors});
+  EXPECT_EQ(answer.status().code(), absl::StatusCode::kResourceExhausted) << answer.status();
+}
+
+}  // namespace
+}  // namespace treelight

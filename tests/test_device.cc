@@ -1,0 +1,51 @@
+#include "tests/test_device.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+
+#include "core/builder.h"
+#include "core/model/morton_grid.h"
+#include "tests/reference.h"
+
+namespace treelight {
+namespace {
+
+DeviceOptions TestOptions() {
+  const char* device = std::getenv("TREELIGHT_TEST_DEVICE");
+  return {.device = device == nullptr ? "" : device, .cache_directory = {}};
+}
+
+}  // namespace
+
+const Gpu& TestGpu() {
+  static const Gpu gpu = OpenGpu(TestOptions());
+  return gpu;
+}
+
+Builder& TestBuilder() {
+  static const std::unique_ptr<Builder> builder = [] {
+    auto made = MakeDeviceBuilder(TestOptions());
+    if (!made.ok()) {
+      std::fprintf(stderr, "no test device: %s\n", made.status().ToString().c_str());
+      std::abort();
+    }
+    return *std::move(made);
+  }();
+  return *builder;
+}
+
+SortedCloud SortCloud(const CloudShape& shape, std::size_t count, int code_bits) {
+  SortedCloud cloud;
+  cloud.positions = shape.make(count, /*seed=*/7);
+  const MortonGrid grid =
+      MakeMortonGrid(reference::Bounds(cloud.positions), static_cast<unsigned>(code_bits) / 3);
+  const auto codes = reference::MortonCodes(cloud.positions, grid, code_bits / 3);
+  cloud.ids = reference::SortedIds(codes);
+  std::vector<std::uint64_t> sorted;
+  for (const std::uint32_t id : cloud.ids) sorted.push_back(codes[id]);
+  cloud.levels = reference::SplitLevels(sorted, code_bits);
+  return cloud;
+}
+
+}  // namespace treelight
