@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "core/builder.h"
 
 namespace treelight::server {
@@ -34,6 +35,10 @@ struct ServerOptions {
       devices;           ///< of the machine; empty: not known, then no device limit is checked
   int device_index = 0;  ///< which of `devices` the builder works on
 };
+
+/// INVALID_ARGUMENT names the option that is wrong; also an address that other machines can reach
+/// while `allow_remote` is false.
+absl::Status CheckOptions(const ServerOptions& options);
 
 }  // namespace treelight::server
 

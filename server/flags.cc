@@ -1,0 +1,99 @@
+#include "server/flags.h"
+
+#include <cctype>
+#include <charconv>
+#include <cstdio>
+#include <cstdlib>
+#include <system_error>
+
+#include "CLI/CLI.hpp"
+#include "fmt/format.h"
+#include "server/address.h"
+#include "server/version.h"
+
+namespace treelight::server {
+namespace {
+
+constexpr const char* kDescription =
+    "treelightd - the Treelight photon map service\n"
+    "Every option may also stand in the --config file (listen=\"127.0.0.1:7543\") and in the "
+    "environment "
+    "(TREELIGHT_LISTEN).";
+
+/// "--queue-depth" is TREELIGHT_QUEUE_DEPTH in the environment.
+std::string Variable(const std::string& option) {
+  std::string name = "TREELIGHT_";
+  for (const char c : option.substr(2)) {
+    name += c == '-' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  }
+  return name;
+}
+
+template <typename T>
+CLI::Option* Add(CLI::App& app, const std::string& name, T& value, const std::string& description) {
+  return app.add_option(name, value, description)->envname(Variable(name))->capture_default_str();
+}
+
+/// What is wrong with `text` as a count of at least 1, for CLI11.
+std::string CheckCount(const std::string& text) {
+  std::uint64_t count = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, count);
+  if (error == std::errc() && stop == end && count > 0) return {};
+  return fmt::format("'{}' is no whole number of at least 1", text);
+}
+
+void AddOptions(CLI::App& app, Flags& flags, double& drain_seconds) {
+  ServerOptions& server = flags.server;
+  Add(app, "--listen", server.listen, "HOST:PORT, port 0 for a free one; or unix:/PATH")
+      ->check(
+          [](const std::string& listen) { return std::string(CheckAddress(listen).message()); });
+  app.add_flag("--insecure", server.allow_remote,
+               "Listen on an address that other machines reach; nothing is encrypted")
+      ->envname(Variable("--insecure"));
+  Add(app, "--device", flags.device.device, "OpenCL device, by index or part of its name");
+  Add(app, "--cache-dir", flags.device.cache_directory, "Folder of compiled kernels");
+  Limits& limits = server.limits;
+  Add(app, "--max-photons", limits.max_photons, "Photons in one map")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{kLeafBit - 1}));
+  Add(app, "--max-queries", limits.max_queries, "Queries in one batch")->check(CheckCount);
+  Add(app, "--max-neighbors", limits.max_neighbors, "Neighbours in the answer of one batch")
+      ->check(CheckCount);
+  Add(app, "--queue-depth", server.queue_depth, "Requests that may wait for the device")
+      ->check(CheckCount);
+  Add(app, "--drain-seconds", drain_seconds, "Time for open calls to finish after SIGTERM")
+      ->check(CLI::Range(0.0, 86'400.0));
+  Add(app, "--log-file", server.log_file, "Request log; stderr without it");
+}
+
+}  // namespace
+
+std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv) {
+  Flags flags;
+  double drain_seconds = std::chrono::duration<double>(flags.drain).count();
+  CLI::App app(kDescription, "treelightd");
+  app.set_version_flag("--version", fmt::format("treelightd {}", kVersion));
+  AddOptions(app, flags, drain_seconds);
+  const char* config = std::getenv("TREELIGHT_CONFIG");
+  const bool has_config = config != nullptr && *config != '\0';
+  // A file that is named has to be there.
+  app.set_config("--config", has_config ? config : "", "File of options, name=value", has_config);
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& asked) {  // --help, --version
+    app.exit(asked);
+    return Exit{0};
+  } catch (const CLI::ParseError& error) {
+    fmt::print(stderr, "treelightd: {}\n", error.what());
+    return Exit{kExitWrongUsage};
+  }
+  if (auto status = CheckOptions(flags.server); !status.ok()) {
+    fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+    return Exit{kExitWrongUsage};
+  }
+  flags.drain = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * drain_seconds));
+  return flags;
+}
+
+}  // namespace treelight::server
