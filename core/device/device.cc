@@ -67,8 +67,19 @@ std::vector<FoundDevice> FindDevices() {
   return found;
 }
 
-/// The device that `wanted` names: nothing, an index, or part of a name. Throws StatusError.
-FoundDevice Choose(const std::string& wanted) {
+/// The cache folder that `options` names; PoCL's own cache goes into it too, unless the user has
+/// placed that. To be called before the first OpenCL call: PoCL reads its variable once.
+std::filesystem::path CacheDirectory(const DeviceOptions& options) {
+  if (options.cache_directory.empty()) return DefaultCacheDirectory();
+  setenv("POCL_CACHE_DIR", (std::filesystem::path(options.cache_directory) / "pocl").c_str(),
+         /*replace=*/0);
+  return options.cache_directory;
+}
+
+/// The device that `options` names: nothing, an index, or part of a name. Throws StatusError.
+FoundDevice Choose(const DeviceOptions& options) {
+  (void)CacheDirectory(options);
+  const std::string& wanted = options.device;
   const auto found = FindDevices();
   if (found.empty()) {
     throw StatusError(
@@ -113,15 +124,6 @@ std::string LanguageOption(const cl::Context& context, const cl::Device& device,
   }
 }
 
-/// The cache folder that `options` names; PoCL's own cache goes into it too, unless the user has
-/// placed that.
-std::filesystem::path CacheDirectory(const DeviceOptions& options) {
-  if (options.cache_directory.empty()) return DefaultCacheDirectory();
-  setenv("POCL_CACHE_DIR", (std::filesystem::path(options.cache_directory) / "pocl").c_str(),
-         /*replace=*/0);
-  return options.cache_directory;
-}
-
 }  // namespace
 
 std::vector<DeviceInfo> ListDevices() {
@@ -131,12 +133,11 @@ std::vector<DeviceInfo> ListDevices() {
 }
 
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
-  return Guard([&]() -> absl::StatusOr<DeviceInfo> { return Choose(options.device).info; });
+  return Guard([&]() -> absl::StatusOr<DeviceInfo> { return Choose(options).info; });
 }
 
 std::shared_ptr<Device> Device::Open(const DeviceOptions& options) {
-  (void)CacheDirectory(options);  // before the first OpenCL call: PoCL reads its variable once
-  FoundDevice found = Choose(options.device);
+  FoundDevice found = Choose(options);
   return std::shared_ptr<Device>(
       new Device(std::move(found.device), std::move(found.info), options));
 }
