@@ -60,6 +60,7 @@ int Main(int argc, char** argv) {
   AddBuildCommand(app, global);
   AddGatherCommand(app, global);
   AddMapsCommand(app, global);
+  AddRenderCommand(app, global);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

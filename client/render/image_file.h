@@ -20,7 +20,7 @@ enum class ExrPixels {
 };
 
 struct ImageFileOptions {
-  float exposure = 0;  ///< PNG: stops; linear values are multiplied with 2^exposure
+  float exposure = 1;  ///< PNG: stops; linear values are multiplied with 2^exposure
   ExrPixels pixels = ExrPixels::kHalf;  ///< EXR
 };
 

@@ -1,0 +1,86 @@
+#include "client/commands/render_report.h"
+
+#include <vector>
+
+#include "client/table.h"
+#include "fmt/format.h"
+
+namespace treelight::client {
+namespace {
+
+/// Time of stage `name` of a build; a blank where it has none.
+std::string StageTime(const std::optional<v1::BuildPhotonMapResponse>& built,
+                      const std::string& name) {
+  if (!built) return "-";
+  for (const v1::StageTime& stage : built->map().build_stages()) {
+    if (stage.stage() == name) return FormatMicroseconds(stage.microseconds());
+  }
+  return "-";
+}
+
+std::string PerSecond(const GatherCost& cost) {
+  return cost.kernel_us > 0
+             ? fmt::format("{:.0f}", 1e6 * static_cast<double>(cost.queries) / cost.kernel_us)
+             : "-";
+}
+
+Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
+               const PhotonRenderedImage& render) {
+  Table table{.head = {"", "indirect", "caustic"}, .rows = {}};
+  const auto row = [&table](const std::string& name, const std::string& a, const std::string& b) {
+    table.rows.push_back({name, a, b});
+  };
+  row("photons", fmt::to_string(photons.indirect.size()), fmt::to_string(photons.caustic.size()));
+  // The same builder made both maps: their stages are the same.
+  if (const auto& built = maps.indirect ? maps.indirect : maps.caustic) {
+    for (const v1::StageTime& stage : built->map().build_stages()) {
+      row("build: " + stage.stage(), StageTime(maps.indirect, stage.stage()),
+          StageTime(maps.caustic, stage.stage()));
+    }
+  }
+  const auto total = [](const auto& built) {
+    return built ? FormatMicroseconds(built->timings().total_us()) : "-";
+  };
+  row("receive and build", total(maps.indirect), total(maps.caustic));
+  const GatherCost &a = render.indirect, &b = render.caustic;
+  row("gathers", fmt::to_string(a.queries), fmt::to_string(b.queries));
+  row("gathers/s of kernel time", PerSecond(a), PerSecond(b));
+  row("nodes per gather", fmt::format("{:.1f}", a.nodes_per_query),
+      fmt::format("{:.1f}", b.nodes_per_query));
+  row("photons compared per gather", fmt::format("{:.1f}", a.tests_per_query),
+      fmt::format("{:.1f}", b.tests_per_query));
+  return table;
+}
+
+std::string FormatEnergy(const TracedPhotons& photons) {
+  const auto sum = [](const EnergyBalance::Power& power) { return power[0] + power[1] + power[2]; };
+  const EnergyBalance& energy = photons.energy;
+  const double percent = 100 / sum(energy.emitted);
+  return fmt::format(
+      "light: {:.3f} W on {} paths = {:.2f} % absorbed + {:.2f} % escaped {:+.2f} % roulette + "
+      "{:.2f} % cut off\n",
+      sum(energy.emitted), photons.emitted_paths, percent * sum(energy.absorbed),
+      percent * sum(energy.escaped), percent * sum(energy.roulette), percent * sum(energy.cut));
+}
+
+}  // namespace
+
+std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
+                         const PhotonRenderedImage& render, const RenderTimes& times) {
+  const auto mega = [](std::uint64_t rays, double seconds) {
+    return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
+  };
+  return Format(MapTable(photons, maps, render)) + FormatEnergy(photons) +
+         fmt::format(
+             "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} s "
+             "(camera {:.2f} s, {:.1f} Mrays/s; waiting for gathers {:.2f} s), in all {:.2f} s\n",
+             times.trace_s, mega(photons.rays, times.trace_s), times.build_s, times.render_s,
+             render.camera_s, mega(render.rays, render.camera_s), render.wait_s, times.whole_s);
+}
+
+std::string FormatError(const ImageError& error, const std::string& reference_path) {
+  return fmt::format("against {}: RMSE {:.5f}, relative MSE {:.5f}, mean {:+.2f} %\n",
+                     reference_path, error.rmse, error.relative_mse, 100 * (error.mean_ratio - 1));
+}
+
+}  // namespace treelight::client

@@ -1,0 +1,28 @@
+#ifndef TREELIGHT_CLIENT_COMMANDS_RENDER_REPORT_H_
+#define TREELIGHT_CLIENT_COMMANDS_RENDER_REPORT_H_
+
+#include <string>
+
+#include "client/render/image.h"
+#include "client/render/map_upload.h"
+#include "client/render/photon_renderer.h"
+#include "client/trace/photon_tracer.h"
+
+namespace treelight::client {
+
+/// Whole time of each phase, seconds.
+struct RenderTimes {
+  double trace_s = 0, build_s = 0, render_s = 0, whole_s = 0;
+};
+
+/// What a render cost, as lines: a table with a column for each map (photons, stages of the build,
+/// gathers), where the light went, and times.
+std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
+                         const PhotonRenderedImage& render, const RenderTimes& times);
+
+/// How far a picture is from the reference, as one line.
+std::string FormatError(const ImageError& error, const std::string& reference_path);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_COMMANDS_RENDER_REPORT_H_
