@@ -283,7 +283,8 @@ TEST(PhotonMapClientWithoutServerTest, FailsAtOnce) {
   const std::vector<float> point = {0, 0, 0};
   GatherPipeline pipeline(client, {.name = "map"}, {.k = 1});
   auto status = pipeline.Send(Queries(point));
-  if (status.ok()) status = pipeline.Receive().status();  // it was sent before the connection failed
+  if (status.ok())
+    status = pipeline.Receive().status();  // it was sent before the connection failed
   EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(5));
 }

@@ -20,8 +20,10 @@
 namespace treelight::client {
 namespace {
 
-constexpr std::size_t kQueriesPerCall = std::size_t{1}
-                                        << 17;  // so that answers do not pile up in memory
+// What one call asks for, so that answers of any size pass through little memory.
+constexpr std::size_t kMaxQueriesPerCall = std::size_t{1} << 17;
+constexpr std::size_t kNeighborsPerCall = std::size_t{1} << 23;  // aimed at
+constexpr std::size_t kFirstUncappedQueries = 256;  // of lists whose lengths are not known yet
 
 const std::map<std::string, std::uint32_t> kOutputNames = {{"count", kOutputCount},
                                                            {"radius", kOutputRadius},
@@ -48,26 +50,49 @@ struct Summary {
   double kernel_us = 0;  // as the server measured it
 };
 
+// Queries of the first call.
+std::size_t FirstCount(const GatherOptions& options) {
+  if ((options.outputs & kOutputNeighbors) == 0) return kMaxQueriesPerCall;
+  if (options.k == 0) return kFirstUncappedQueries;
+  return std::clamp<std::size_t>(kNeighborsPerCall / options.k, 1, kMaxQueriesPerCall);
+}
+
+// Queries of the call after one of `count` queries: as many as would have had kNeighborsPerCall
+// neighbours.
+std::size_t NextCount(const GatherOptions& options, std::size_t count, const GatherResult& result) {
+  if ((options.outputs & kOutputNeighbors) == 0 || options.k > 0) return count;
+  return std::clamp<std::size_t>(count * kNeighborsPerCall / (result.neighbor_ids.size() + 1), 1,
+                                 std::min(8 * count, kMaxQueriesPerCall));
+}
+
+// Says which points of the file an error is about, where a call did not begin with the first.
+absl::Status InFile(const absl::Status& status, std::size_t first) {
+  if (first == 0) return status;
+  return {status.code(),
+          fmt::format("{} (of the queries from {} on)", std::string(status.message()), first)};
+}
+
 // Gathers around all points, and writes each answer when it is there.
 absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& options,
                                   const QueryPoints& points, OutputFile& file) {
-  if (auto status = file.Write(AnswerCsvHeader(options.gather.outputs)); !status.ok())
-    return status;
   Progress progress("gather", points.size(), "queries");
   Summary summary{.map = options.map};
-  for (std::size_t first = 0; first < points.size(); first += kQueriesPerCall) {
-    const std::size_t count = std::min(kQueriesPerCall, points.size() - first);
+  std::size_t call_count = FirstCount(options.gather);
+  for (std::size_t first = 0, count = 0; first < points.size(); first += count) {
+    count = std::min(call_count, points.size() - first);
     const auto began = std::chrono::steady_clock::now();
     const auto answer = client.Gather(summary.map, points.Slice(first, count), options.gather);
     summary.seconds +=
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    if (!answer.ok()) return answer.status();
+    if (!answer.ok()) return InFile(answer.status(), first);
     summary.map = answer->map;  // the version that answered first answers all
     summary.kernel_us += answer->timings.kernel_us();
-    const auto status = file.Write(
-        AnswerCsvLines(answer->result, options.gather.outputs, options.gather.k, count, first));
+    std::string lines = first == 0 ? AnswerCsvHeader(options.gather.outputs) : "";
+    lines += AnswerCsvLines(answer->result, options.gather.outputs, options.gather.k, count, first);
+    const auto status = file.Write(lines);
     if (!status.ok()) return status;
     progress.Update(first + count);
+    call_count = NextCount(options.gather, count, answer->result);
   }
   if (auto status = file.Commit(); !status.ok()) return status;
   return summary;

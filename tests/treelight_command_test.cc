@@ -1,0 +1,278 @@
+// Drives the program `treelight` as a user does, most of it against a `treelightd` of its own.
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/answer_csv.h"
+#include "client/photon_ply.h"
+#include "client/query_file.h"
+#include "core/builder.h"
+#include "fmt/format.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
+#include "tests/server_fixture.h"
+
+namespace treelight::client {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::StartsWith;
+using ::treelight::testing::MakePhotons;
+using ::treelight::testing::MakePoints;
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// How a run of `treelight` ended.
+struct Outcome {
+  int exit_code = -1;
+  std::string out, err;
+};
+
+/// A folder of its own for each test, where `treelight` runs.
+class TreelightCommandTest : public ::testing::Test {
+ protected:
+  TreelightCommandTest()
+      : folder_(::testing::TempDir() + fmt::format("treelight_command_test.{}", getpid())) {
+    std::filesystem::create_directories(folder_);
+  }
+  ~TreelightCommandTest() override { std::filesystem::remove_all(folder_); }
+
+  std::string Path(const std::string& name) const { return folder_ + "/" + name; }
+
+  Outcome Run(const std::string& arguments) const {
+    const std::string command =
+        fmt::format("cd {} && TREELIGHT_SERVER={} {} {} >out 2>err </dev/null", folder_,
+                    server_address_, TREELIGHT_PROGRAM, arguments);
+    const int status = std::system(command.c_str());
+    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+            .out = ReadFile(Path("out")),
+            .err = ReadFile(Path("err"))};
+  }
+
+  /// Runs a command line that must fail with one line on stderr.
+  std::string FailingRun(const std::string& arguments, int exit_code) const {
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.exit_code, exit_code) << arguments << "\n" << outcome.err;
+    EXPECT_THAT(outcome.err, StartsWith("treelight: ")) << arguments;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_THAT(outcome.out, IsEmpty()) << arguments;
+    return outcome.err;
+  }
+
+  const std::string folder_;
+  std::string server_address_ = "127.0.0.1:1";  // where nothing listens
+};
+
+TEST_F(TreelightCommandTest, AWrongCommandLineIsOneLineAndExitCode2) {
+  EXPECT_THAT(FailingRun("", 2), HasSubstr("a subcommand is missing"));
+  EXPECT_THAT(FailingRun("bogus", 2), HasSubstr("bogus"));
+  EXPECT_THAT(FailingRun("info --bogus", 2), HasSubstr("--bogus"));
+  EXPECT_THAT(FailingRun("info extra", 2), HasSubstr("extra"));
+  EXPECT_THAT(FailingRun("maps", 2), HasSubstr("a subcommand is missing"));
+  EXPECT_THAT(FailingRun("maps show", 2), HasSubstr("map is required"));
+  EXPECT_THAT(FailingRun("maps show a@x", 2), HasSubstr("'a@x' is neither NAME nor NAME@VERSION"));
+  EXPECT_THAT(FailingRun("--timeout never info", 2), HasSubstr("--timeout"));
+  EXPECT_THAT(FailingRun("--timeout 0 info", 2), HasSubstr("--timeout"));
+  EXPECT_THAT(FailingRun("build --photons p.ply", 2), HasSubstr("--name is required"));
+  EXPECT_THAT(FailingRun("build --photons p.ply --name n --leaf-size 65", 2),
+              HasSubstr("--leaf-size"));
+  EXPECT_THAT(FailingRun("build --photons p.ply --name n --morton-bits 31", 2),
+              HasSubstr("--morton-bits"));
+  EXPECT_THAT(FailingRun("gather --map n", 2), HasSubstr("--queries is required"));
+  EXPECT_THAT(FailingRun("gather --map n --queries q --k -1", 2), HasSubstr("--k"));
+  EXPECT_THAT(FailingRun("gather --map n --queries q --k 4097", 2), HasSubstr("--k"));
+  EXPECT_THAT(FailingRun("gather --map n --queries q --radius -1", 2), HasSubstr("--radius"));
+  EXPECT_THAT(FailingRun("gather --map n --queries q --outputs count,all", 2), HasSubstr("all"));
+  EXPECT_THAT(FailingRun("gather --map n --queries q --kernel gauss", 2), HasSubstr("gauss"));
+}
+
+TEST_F(TreelightCommandTest, NoServerIsOneLineAndExitCode3) {
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), MakePhotons(10, /*seed=*/1)).ok());
+  std::ofstream(Path("q.csv")) << "0,0,0\n";
+  const auto began = std::chrono::steady_clock::now();
+  for (const char* command :
+       {"info", "devices", "maps list", "maps show n", "maps delete n",
+        "build --photons p.ply --name n", "gather --map n --queries q.csv --k 1",
+        "gather --map n --queries q.csv --k 1 --outputs neighbors"}) {
+    EXPECT_THAT(FailingRun(command, 3), AllOf(HasSubstr("no server answers at 127.0.0.1:1"),
+                                              HasSubstr("Connection refused")));
+  }
+  EXPECT_THAT(FailingRun("--server unix:/nowhere/treelight.sock info", 3),
+              HasSubstr("unix:/nowhere/treelight.sock"));
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(20));
+}
+
+TEST_F(TreelightCommandTest, BadFilesAreOneLineAndExitCode1) {
+  std::ofstream(Path("bad.ply")) << "ply\nformat ascii 1.0\nbogus\n";
+  std::ofstream(Path("bad.csv")) << "1,2,3\n1,2,three\n";
+  EXPECT_THAT(FailingRun("build --photons none.ply --name n", 1),
+              HasSubstr("none.ply: No such file"));
+  EXPECT_THAT(FailingRun("build --photons bad.ply --name n", 1), HasSubstr("bad.ply:3: "));
+  EXPECT_THAT(FailingRun("gather --map n --queries bad.csv --k 1", 1),
+              HasSubstr("bad.csv:2: column 3 is 'three'"));
+  std::ofstream(Path("q.csv")) << "1,2,3\n";
+  EXPECT_THAT(FailingRun("gather --map n --queries q.csv --k 1 --output none/a.csv", 1),
+              HasSubstr("cannot write none/a.csv: No such file"));
+}
+
+TEST_F(TreelightCommandTest, HelpTellsTheExitCodes) {
+  const Outcome help = Run("--help");
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_THAT(
+      help.out,
+      HasSubstr("Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers."));
+  EXPECT_THAT(Run("--version").out, StartsWith("treelight "));
+}
+
+/// With a `treelightd` process on a free port.
+class TreelightWithServerTest : public TreelightCommandTest {
+ protected:
+  void SetUp() override {
+    const std::string log = Path("server.log"), output = Path("server.out");
+    server_ = fork();
+    ASSERT_GE(server_, 0);
+    if (server_ == 0) {
+      const int file = open(output.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
+      dup2(file, STDOUT_FILENO);
+      dup2(file, STDERR_FILENO);
+      execl(TREELIGHTD_PROGRAM, TREELIGHTD_PROGRAM, "--listen", "127.0.0.1:0", "--log-file",
+            log.c_str(), nullptr);
+      _exit(127);
+    }
+    // The kernels may have to be compiled first.
+    for (int tenths = 0; tenths < 600 && server_address_.ends_with(":1"); ++tenths) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      ReadAddress(ReadFile(output));
+    }
+    ASSERT_NE(server_address_, "127.0.0.1:1") << ReadFile(output);
+  }
+
+  void TearDown() override {
+    if (server_ <= 0) return;
+    kill(server_, SIGTERM);
+    int status = 0;
+    ASSERT_EQ(waitpid(server_, &status, 0), server_);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  }
+
+ private:
+  void ReadAddress(const std::string& output) {
+    const std::string mark = "listening on ";
+    const std::size_t first = output.find(mark);
+    if (first == output.npos || output.find('\n', first) == output.npos) return;
+    const std::size_t begin = first + mark.size();
+    server_address_ = output.substr(begin, output.find_first_of(",\n", begin) - begin);
+  }
+
+  pid_t server_ = 0;
+};
+
+TEST_F(TreelightWithServerTest, AnswersAreThoseOfBruteForceBitByBit) {
+  const Photons photons = MakePhotons(5'003, /*seed=*/2);
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), photons).ok());
+  const std::size_t query_count = 1'000;
+  const auto positions = MakePoints(query_count, /*seed=*/3);
+  std::string csv = "x,y,z\n";
+  for (std::size_t i = 0; i < query_count; ++i) {
+    csv += fmt::format("{},{},{}\n", positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]);
+  }
+  std::ofstream(Path("q.csv")) << csv;
+
+  const Outcome built = Run("build --photons p.ply --name cloud --leaf-size 4");
+  ASSERT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_THAT(
+      built.out,
+      AllOf(HasSubstr("cloud@1"), HasSubstr("5003 (positions, powers, directions)"),
+            HasSubstr("at most 4 photons in a leaf"), HasSubstr("stage"), HasSubstr("morton")));
+
+  const auto map = MakeBruteForceBuilder()->Build(photons, {});
+  ASSERT_TRUE(map.ok());
+  const std::uint32_t outputs = kOutputCount | kOutputRadius | kOutputNeighbors;
+  for (const auto& [k, radius] : {std::pair{8u, 0.05f}, std::pair{0u, 0.07f}}) {
+    const auto expected = (*map)->Gather({.positions = positions, .normals = {}, .radii = {}},
+                                         {.k = k, .radius = radius, .outputs = outputs});
+    ASSERT_TRUE(expected.ok());
+    const Outcome gathered =
+        Run(fmt::format("gather --map cloud --queries q.csv --k {} --radius {} --outputs "
+                        "count,radius,neighbors --output a.csv",
+                        k, radius));
+    ASSERT_EQ(gathered.exit_code, 0) << gathered.err;
+    EXPECT_THAT(gathered.err, HasSubstr("1000 queries on cloud@1"));
+    EXPECT_EQ(ReadFile(Path("a.csv")),
+              AnswerCsvHeader(outputs) +
+                  AnswerCsvLines(*expected, outputs, k, query_count, /*first_query=*/0));
+    EXPECT_FALSE(std::filesystem::exists(Path("a.csv.part")));
+  }
+}
+
+TEST_F(TreelightWithServerTest, DensitiesAndStatisticsGoToStdout) {
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), MakePhotons(1'000, /*seed=*/4)).ok());
+  std::ofstream(Path("q.csv")) << "0.5,0.5,0.5,0,0,1,0.4\n0.2,0.2,0.2,0,1,0,0.1\n";
+  ASSERT_EQ(Run("build --photons p.ply --name cloud").exit_code, 0);
+  const Outcome gathered =
+      Run("gather --map cloud@1 --queries q.csv --k 50 --outputs density,statistics --kernel cone");
+  ASSERT_EQ(gathered.exit_code, 0) << gathered.err;
+  EXPECT_THAT(
+      gathered.out,
+      StartsWith("query,density_red,density_green,density_blue,nodes_visited,distance_tests\n0,"));
+  EXPECT_EQ(std::count(gathered.out.begin(), gathered.out.end(), '\n'), 3);
+}
+
+TEST_F(TreelightWithServerTest, MapsAreListedShownAndDeleted) {
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), MakePhotons(100, /*seed=*/5)).ok());
+  ASSERT_EQ(Run("build --photons p.ply --name cloud").exit_code, 0);
+  const auto built =
+      nlohmann::json::parse(Run("build --photons p.ply --name cloud --ttl 100 --json").out);
+  EXPECT_EQ(built["map"]["version"], "2");
+  const Outcome list = Run("maps list");
+  EXPECT_EQ(list.exit_code, 0);
+  EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 3) << list.out;
+  EXPECT_EQ(nlohmann::json::parse(Run("maps list --json").out)["maps"].size(), 2u);
+  EXPECT_THAT(Run("maps show cloud").out, HasSubstr("cloud@2"));
+  EXPECT_EQ(nlohmann::json::parse(Run("maps show cloud@1 --json").out)["photon_count"], "100");
+  EXPECT_EQ(Run("maps delete cloud@1").out, "deleted 1 version\n");
+  EXPECT_THAT(FailingRun("maps show cloud@1", 1), HasSubstr("version 1"));
+  EXPECT_EQ(nlohmann::json::parse(Run("info --json").out)["map_count"], 1);
+}
+
+TEST_F(TreelightWithServerTest, InfoAndDevicesDescribeTheServer) {
+  EXPECT_THAT(Run("info").out, AllOf(HasSubstr("largest message"), HasSubstr("4.0 MiB")));
+  const Outcome devices = Run("devices");
+  EXPECT_EQ(devices.exit_code, 0) << devices.err;
+  EXPECT_THAT(devices.out, HasSubstr("*"));  // the one in use
+  const auto local = nlohmann::json::parse(Run("devices --local --json").out);
+  const auto remote = nlohmann::json::parse(Run("devices --json").out);
+  EXPECT_FALSE(remote["devices"].empty());
+  EXPECT_EQ(local["devices"], remote["devices"]);  // the server is on this machine
+}
+
+TEST_F(TreelightWithServerTest, RefusalsAreOneLineAndExitCode1) {
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), MakePhotons(100, /*seed=*/6)).ok());
+  ASSERT_TRUE(WritePhotonPly(Path("none.ply"), {}).ok());
+  std::ofstream(Path("q.csv")) << "0,0,0\n";
+  ASSERT_EQ(Run("build --photons p.ply --name cloud").exit_code, 0);
+  EXPECT_THAT(FailingRun("gather --map fog --queries q.csv --k 1", 1), HasSubstr("fog"));
+  EXPECT_THAT(FailingRun("gather --map cloud --queries q.csv", 1), HasSubstr("radius"));
+  EXPECT_THAT(FailingRun("build --photons none.ply --name cloud", 1), HasSubstr("photon_count"));
+  EXPECT_THAT(FailingRun("build --photons p.ply --name 'a cloud'", 1), HasSubstr("name"));
+  EXPECT_EQ(nlohmann::json::parse(Run("info --json").out)["map_count"], 1);
+}
+
+}  // namespace
+}  // namespace treelight::client
