@@ -1,0 +1,200 @@
+// The client library against servers that fail, stall or answer nonsense.
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/photon_map_client.h"
+#include "gmock/gmock.h"
+#include "grpcpp/server.h"
+#include "grpcpp/server_builder.h"
+#include "gtest/gtest.h"
+#include "treelight/v1/photon_map.grpc.pb.h"
+
+namespace treelight::client {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::chrono::milliseconds kTimeout{300};
+
+/// A server that does what a test says.
+class FaultyService : public v1::PhotonMapService::Service {
+ public:
+  using Stream = grpc::ServerReaderWriter<v1::GatherResponse, v1::GatherRequest>;
+
+  grpc::Status GetServerInfo(grpc::ServerContext*, const v1::GetServerInfoRequest*,
+                             v1::ServerInfo* info) override {
+    info->mutable_limits()->set_max_queries(2);
+    return grpc::Status::OK;
+  }
+  grpc::Status GatherStream(grpc::ServerContext* context, Stream* stream) override {
+    return gather_stream(*context, *stream);
+  }
+  grpc::Status Gather(grpc::ServerContext*, const v1::GatherRequest*,
+                      v1::GatherResponse*) override {
+    return grpc::Status::OK;  // an empty answer
+  }
+  grpc::Status BuildPhotonMap(grpc::ServerContext*,
+                              grpc::ServerReader<v1::BuildPhotonMapRequest>* reader,
+                              v1::BuildPhotonMapResponse* response) override {
+    v1::BuildPhotonMapRequest request;
+    while (reader->Read(&request)) {
+      if (request.has_header()) request_ids.push_back(request.header().request_id());
+    }
+    return build(*response);
+  }
+
+  std::function<grpc::Status(grpc::ServerContext&, Stream&)> gather_stream;
+  std::function<grpc::Status(v1::BuildPhotonMapResponse&)> build;
+  std::vector<std::string> request_ids;  // of every build, in order
+};
+
+class ClientFaultsTest : public testing::Test {
+ protected:
+  ClientFaultsTest() : server_(grpc::ServerBuilder().RegisterService(&service_).BuildAndStart()) {}
+
+  std::shared_ptr<grpc::Channel> Channel() { return server_->InProcessChannel({}); }
+
+  /// Gathers at three points, two batches, on version 1.
+  absl::Status Gather(PhotonMapClient& client) {
+    const std::vector<float> positions(9);
+    return client
+        .Gather({.name = "map", .version = 1}, {.positions = positions, .normals = {}, .radii = {}},
+                {.k = 1})
+        .status();
+  }
+
+  FaultyService service_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+/// A right answer to `request`, which asks for counts.
+v1::GatherResponse Answer(const v1::GatherRequest& request) {
+  v1::GatherResponse response;
+  response.set_batch_id(request.batch_id());
+  response.set_map(request.map());
+  response.set_version(1);
+  const std::size_t query_count = request.positions().size() / 12;
+  response.set_query_count(static_cast<std::uint32_t>(query_count));
+  response.set_last(true);
+  response.set_counts(std::string(4 * query_count, '\0'));
+  return response;
+}
+
+TEST_F(ClientFaultsTest, ABuildIsRetriedOnceWithTheSameRequestId) {
+  int attempt_count = 0;
+  service_.build = [&](v1::BuildPhotonMapResponse& response) {
+    if (++attempt_count == 1) return grpc::Status(grpc::StatusCode::UNAVAILABLE, "cut");
+    response.mutable_map()->set_name("map");
+    response.mutable_map()->set_version(7);
+    return grpc::Status::OK;
+  };
+  PhotonMapClient client(Channel());
+  const auto built =
+      client.BuildPhotonMap("map", {.positions = {1, 2, 3}, .powers = {}, .directions = {}});
+  ASSERT_TRUE(built.ok()) << built.status();
+  EXPECT_EQ(built->map().version(), 7u);
+  ASSERT_EQ(service_.request_ids.size(), 2u);
+  EXPECT_EQ(service_.request_ids[0], service_.request_ids[1]);
+  EXPECT_EQ(service_.request_ids[0].size(), 32u);
+}
+
+TEST_F(ClientFaultsTest, ABuildThatFailsIsNotRetriedForEver) {
+  service_.build = [](v1::BuildPhotonMapResponse&) {
+    return grpc::Status(grpc::StatusCode::UNAVAILABLE, "cut");
+  };
+  PhotonMapClient client(Channel());
+  EXPECT_EQ(client.BuildPhotonMap("map", {}).status(), absl::UnavailableError("cut"));
+  EXPECT_EQ(service_.request_ids.size(), 2u);
+  service_.build = [](v1::BuildPhotonMapResponse&) {
+    return grpc::Status(grpc::StatusCode::INTERNAL, "broken");
+  };
+  EXPECT_EQ(client.BuildPhotonMap("map", {}).status(), absl::InternalError("broken"));
+  EXPECT_EQ(service_.request_ids.size(), 3u);
+}
+
+TEST_F(ClientFaultsTest, ABuildThatNamesNoMapIsInternal) {
+  service_.build = [](v1::BuildPhotonMapResponse&) { return grpc::Status::OK; };
+  PhotonMapClient client(Channel());
+  EXPECT_EQ(client.BuildPhotonMap("map", {}).status().code(), absl::StatusCode::kInternal);
+}
+
+TEST_F(ClientFaultsTest, AnEmptyUnaryAnswerIsInternal) {
+  PhotonMapClient client(Channel());
+  const std::vector<float> position(3);
+  const auto answer =
+      client.Gather({.name = "map"}, {.positions = position, .normals = {}, .radii = {}}, {.k = 1});
+  EXPECT_EQ(answer.status().code(), absl::StatusCode::kInternal);
+  EXPECT_THAT(std::string(answer.status().message()), HasSubstr("malformed answer"));
+}
+
+TEST_F(ClientFaultsTest, AStreamThatEndsEarlyIsInternal) {
+  service_.gather_stream = [](grpc::ServerContext&, FaultyService::Stream& stream) {
+    v1::GatherRequest request;
+    if (stream.Read(&request)) stream.Write(Answer(request));
+    return grpc::Status::OK;  // with a batch unanswered
+  };
+  PhotonMapClient client(Channel());
+  const auto status = Gather(client);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr("ended the stream before it answered every batch"));
+}
+
+TEST_F(ClientFaultsTest, AnAnswerToNoBatchIsInternal) {
+  service_.gather_stream = [](grpc::ServerContext&, FaultyService::Stream& stream) {
+    v1::GatherRequest request;
+    stream.Read(&request);
+    stream.Write(Answer(request));
+    stream.Write(Answer(request));
+    stream.Write(Answer(request));
+    while (stream.Read(&request)) continue;
+    return grpc::Status::OK;
+  };
+  PhotonMapClient client(Channel());
+  EXPECT_EQ(Gather(client).code(), absl::StatusCode::kInternal);
+}
+
+TEST_F(ClientFaultsTest, AStreamThatBreaksSaysSo) {
+  service_.gather_stream = [](grpc::ServerContext&, FaultyService::Stream&) {
+    return grpc::Status(grpc::StatusCode::UNAVAILABLE, "draining");
+  };
+  PhotonMapClient client(Channel());
+  EXPECT_EQ(Gather(client), absl::UnavailableError("draining"));
+}
+
+/// Reads nothing and answers nothing until the client gives up.
+grpc::Status Stall(grpc::ServerContext& context, FaultyService::Stream&) {
+  while (!context.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  return grpc::Status::CANCELLED;
+}
+
+TEST_F(ClientFaultsTest, AServerThatStallsExceedsTheDeadline) {
+  service_.gather_stream = Stall;
+  PhotonMapClient client(Channel(), kTimeout);
+  const auto began = std::chrono::steady_clock::now();
+  EXPECT_EQ(Gather(client).code(), absl::StatusCode::kDeadlineExceeded);
+  EXPECT_LT(std::chrono::steady_clock::now() - began, 20 * kTimeout);
+}
+
+TEST_F(ClientFaultsTest, APipelineToAServerThatStallsEndsItsSendsAndReceives) {
+  service_.gather_stream = Stall;
+  PhotonMapClient client(Channel(), kTimeout);
+  const std::vector<float> positions(30'000);
+  const GatherQueries queries{.positions = positions, .normals = {}, .radii = {}};
+  GatherPipeline receiving(client, {.name = "map"}, {.k = 1});
+  ASSERT_TRUE(receiving.Send(queries).ok());
+  EXPECT_EQ(receiving.Receive().status().code(), absl::StatusCode::kDeadlineExceeded);
+  EXPECT_FALSE(receiving.Receive().ok());
+  GatherPipeline sending(client, {.name = "map"}, {.k = 1});
+  absl::Status status;
+  for (int batch = 0; status.ok() && batch < 1000; ++batch) status = sending.Send(queries);
+  EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(sending.Send(queries).code(), absl::StatusCode::kDeadlineExceeded);
+}
+
+}  // namespace
+}  // namespace treelight::client
