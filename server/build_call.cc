@@ -26,11 +26,12 @@ void BuildCall::OnReadDone(bool ok) {
     return Submit();
   }
   record_.bytes_in += message_.ByteSizeLong();
-  if (auto status = TakeMessage(); !status.ok()) return End(status);
-  // A repeat of a build that is done is answered without its photons.
-  if (const MapHandle known = state_.store.FindRequest(plan_.request_id)) {
-    Answer(known);
-    return End(absl::OkStatus());
+  // A repeat of a build that is done needs no photons. They are read nevertheless: a client that
+  // writes would not see an early answer on every transport.
+  if (known_ == nullptr) {
+    if (auto status = TakeMessage(); !status.ok()) return End(status);
+    known_ = state_.store.FindRequest(plan_.request_id);
+    if (known_ != nullptr) upload_.reset();
   }
   StartRead(&message_);
 }
@@ -70,6 +71,10 @@ absl::Status BuildCall::TakeHeader(const v1::BuildHeader& header) {
 
 void BuildCall::Submit() {
   record_.timings.set_receive_us(watch_.microseconds());
+  if (known_ != nullptr) {
+    Answer(known_);
+    return End(absl::OkStatus());
+  }
   if (!upload_) return End(absl::InvalidArgumentError("header: the stream is empty"));
   auto photons = std::move(*upload_).Finish();
   if (!photons.ok()) return End(photons.status());

@@ -37,6 +37,7 @@ class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest
   RequestRecord record_;
   v1::BuildPhotonMapRequest message_;  // the one being read
   BuildPlan plan_;
+  MapHandle known_;               // what an earlier call with the same request id has built
   std::optional<Upload> upload_;  // from the header on
   Photons photons_;               // once all are here
 };

@@ -1,0 +1,96 @@
+#include "server/map_store.h"
+
+#include "gtest/gtest.h"
+#include "tests/gated_builder.h"
+
+namespace treelight::server {
+namespace {
+
+using std::chrono_literals::operator""ms;
+
+StoredMap MakeMap(const std::string& name, const std::string& request_id = {},
+                  std::optional<TimePoint> expires = {}) {
+  const Photons photons{.positions = {0, 0, 0}, .powers = {}, .directions = {}};
+  return {.name = name,
+          .version = 0,
+          .request_id = request_id,
+          .options = {},
+          .gatherer = *MakeBruteForceBuilder()->Build(photons, {}),
+          .created = {},
+          .expires = expires};
+}
+
+TEST(MapStoreTest, VersionsGrowByNameAndVersionZeroIsTheNewest) {
+  MapStore store;
+  EXPECT_EQ(store.Add(MakeMap("a"))->version, 1u);
+  EXPECT_EQ(store.Add(MakeMap("a"))->version, 2u);
+  EXPECT_EQ(store.Add(MakeMap("b"))->version, 1u);
+  EXPECT_EQ((*store.Find("a", 0))->version, 2u);
+  EXPECT_EQ((*store.Find("a", 1))->version, 1u);
+  EXPECT_EQ(store.List().size(), 3u);
+}
+
+TEST(MapStoreTest, NoVersionIsUsedTwice) {
+  MapStore store;
+  store.Add(MakeMap("a"));
+  ASSERT_TRUE(store.Remove("a", 0).ok());
+  EXPECT_EQ(store.Add(MakeMap("a"))->version, 2u);
+}
+
+TEST(MapStoreTest, NotFoundNamesTheMapAndTheVersionsThereAre) {
+  MapStore store;
+  EXPECT_EQ(store.Find("a", 0).status().ToString(), "NOT_FOUND: no map is named 'a'");
+  store.Add(MakeMap("a"));
+  store.Add(MakeMap("a"));
+  EXPECT_EQ(store.Find("a", 7).status().ToString(),
+            "NOT_FOUND: map 'a' has no version 7, only 1, 2");
+  EXPECT_EQ(store.Remove("a", 7).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store.List().size(), 2u);
+}
+
+TEST(MapStoreTest, RemoveTakesOneVersionOrAllAndHandlesLiveOn) {
+  MapStore store;
+  const MapHandle first = store.Add(MakeMap("a"));
+  store.Add(MakeMap("a"));
+  store.Add(MakeMap("a"));
+  EXPECT_EQ(store.Remove("a", 1)->size(), 1u);
+  EXPECT_EQ(first->gatherer->photon_count(), 1u);
+  EXPECT_EQ(store.Remove("a", 0)->size(), 2u);
+  EXPECT_TRUE(store.List().empty());
+}
+
+TEST(MapStoreTest, ARepeatedRequestIdGivesTheFirstMap) {
+  MapStore store;
+  const MapHandle first = store.Add(MakeMap("a", "id"));
+  EXPECT_EQ(store.FindRequest("id"), first);
+  EXPECT_EQ(store.Add(MakeMap("other", "id")), first);
+  EXPECT_EQ(store.List().size(), 1u);
+  EXPECT_EQ(store.FindRequest(""), nullptr);
+  ASSERT_TRUE(store.Remove("a", 1).ok());
+  EXPECT_EQ(store.FindRequest("id"), nullptr);
+}
+
+TEST(MapStoreTest, ExpiredMapsAreInvisibleBeforeTheyAreSwept) {
+  std::atomic<TimePoint> now = TimePoint(0ms);
+  MapStore store([&] { return now.load(); });
+  store.Add(MakeMap("a"));
+  store.Add(MakeMap("a", "id", TimePoint(std::chrono::hours(5))));
+  EXPECT_EQ((*store.Find("a", 0))->version, 2u);
+  now = TimePoint(std::chrono::hours(5));
+  EXPECT_EQ((*store.Find("a", 0))->version, 1u);
+  EXPECT_EQ(store.Find("a", 2).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store.FindRequest("id"), nullptr);
+  EXPECT_EQ(store.List().size(), 1u);
+  EXPECT_EQ(store.SweepExpired(), 1u);
+  EXPECT_EQ(store.SweepExpired(), 0u);
+}
+
+TEST(MapStoreTest, TheSweeperFreesExpiredMaps) {
+  MapStore store;
+  const std::weak_ptr<const StoredMap> map =
+      store.Add(MakeMap("a", "id", std::chrono::system_clock::now() + 20ms));
+  EXPECT_TRUE(treelight::testing::Eventually([&] { return map.expired(); }));
+}
+
+}  // namespace
+}  // namespace treelight::server

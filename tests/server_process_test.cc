@@ -1,0 +1,217 @@
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "grpcpp/create_channel.h"
+#include "grpcpp/security/credentials.h"
+#include "nlohmann/json.hpp"
+#include "tests/gated_builder.h"
+#include "tests/server_fixture.h"
+
+// The program itself: TREELIGHTD is its path.
+namespace treelight::testing {
+namespace {
+
+/// A treelightd with its output in files of a folder of its own. Ended with SIGKILL where a test
+/// has not.
+class Process {
+ public:
+  explicit Process(std::vector<std::string> arguments) {
+    std::string folder = std::filesystem::temp_directory_path() / "treelightd_XXXXXX";
+    folder_ = mkdtemp(folder.data());
+    arguments.insert(arguments.begin(), TREELIGHTD);
+    std::vector<char*> argv;
+    for (auto& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    pid_ = fork();
+    if (pid_ == 0) {
+      dup2(open((folder_ + "/out").c_str(), O_CREAT | O_WRONLY, 0600), STDOUT_FILENO);
+      dup2(open((folder_ + "/err").c_str(), O_CREAT | O_WRONLY, 0600), STDERR_FILENO);
+      execv(argv[0], argv.data());
+      _exit(127);
+    }
+  }
+  ~Process() {
+    if (pid_ > 0) {
+      kill(pid_, SIGKILL);
+      waitpid(pid_, nullptr, 0);
+    }
+    std::filesystem::remove_all(folder_);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  std::string out() const { return Read("out"); }
+  std::string err() const { return Read("err"); }
+  const std::string& folder() const { return folder_; }
+  void Signal(int signal) const { kill(pid_, signal); }
+
+  /// Waits for the end; the exit code.
+  int Wait() {
+    int status = 0;
+    waitpid(std::exchange(pid_, 0), &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  /// Waits for the ready line; the address in it. Kernels may have to be compiled first.
+  std::string WaitUntilReady() const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+    while (out().find('\n') == std::string::npos && std::chrono::steady_clock::now() < end) {
+      usleep(5'000);
+    }
+    const std::string line = out(), before = " listening on ";
+    const std::size_t first = line.find(before);
+    if (first == std::string::npos) return {};
+    return line.substr(first + before.size(), line.find(',', first) - first - before.size());
+  }
+
+ private:
+  std::string Read(const std::string& name) const {
+    std::ostringstream text;
+    text << std::ifstream(folder_ + "/" + name).rdbuf();
+    return text.str();
+  }
+
+  std::string folder_;
+  pid_t pid_ = 0;
+};
+
+std::unique_ptr<v1::PhotonMapService::Stub> Connect(const std::string& address) {
+  return v1::PhotonMapService::NewStub(
+      grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+}
+
+std::size_t Lines(const std::string& text) { return std::count(text.begin(), text.end(), '\n'); }
+
+TEST(ServerProcessTest, AWrongCommandLineIsOneLineAndExitCode2) {
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{"--nosuch"},
+                                                    {"--listen", "7543"},
+                                                    {"--listen", "0.0.0.0:0"},
+                                                    {"--queue-depth", "0"},
+                                                    {"--max-photons", "many"},
+                                                    {"--config", "/nosuch"},
+                                                    {"--device", "nosuch"}}) {
+    Process process(arguments);
+    EXPECT_EQ(process.Wait(), 2) << arguments[0];
+    EXPECT_EQ(Lines(process.err()), 1u) << process.err();
+    EXPECT_EQ(process.err().find("treelightd: "), 0u) << process.err();
+    EXPECT_EQ(process.out(), "");
+  }
+}
+
+TEST(ServerProcessTest, VersionIsPrinted) {
+  Process process({"--version"});
+  EXPECT_EQ(process.Wait(), 0);
+  EXPECT_EQ(process.out(), "treelightd 0.1.0\n");
+}
+
+TEST(ServerProcessTest, ServesLogsAndDrainsWhileACallIsOpen) {
+  Process process({"--listen", "127.0.0.1:0", "--drain-seconds", "30"});
+  const std::string address = process.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << process.out() << process.err();
+  EXPECT_EQ(Lines(process.out()), 1u);
+  const auto stub = Connect(address);
+  const Photons photons = MakePhotons(2357, 1);
+  const auto messages = MakeUpload("cloud", photons);
+
+  // An upload that stands still is an open call.
+  grpc::ClientContext context;
+  v1::BuildPhotonMapResponse built;
+  const auto writer = stub->BuildPhotonMap(&context, &built);
+  ASSERT_TRUE(writer->Write(messages[0]));
+  v1::ServerInfo info;
+  {
+    grpc::ClientContext info_context;
+    ASSERT_TRUE(stub->GetServerInfo(&info_context, {}, &info).ok());
+    EXPECT_EQ(info.version(), "0.1.0");
+    EXPECT_GT(info.devices_size(), info.device_index());
+  }
+  process.Signal(SIGTERM);
+  EXPECT_TRUE(Eventually([&] {
+    grpc::ClientContext late;
+    return stub->GetServerInfo(&late, {}, &info).error_code() == grpc::StatusCode::UNAVAILABLE;
+  }));
+  for (std::size_t i = 1; i < messages.size(); ++i) ASSERT_TRUE(writer->Write(messages[i]));
+  writer->WritesDone();
+  const auto status = writer->Finish();
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(built.map().photon_count(), 2357u);
+  EXPECT_EQ(process.Wait(), 0);
+
+  // Every line of the log is JSON; the build's has what the answer has.
+  std::istringstream lines(process.err());
+  nlohmann::json build;
+  for (std::string line; std::getline(lines, line);) {
+    const auto json = nlohmann::json::parse(line);
+    if (json["method"] == "BuildPhotonMap") build = json;
+  }
+  for (const char* field :
+       {"time", "request_id", "peer", "bytes_in", "bytes_out", "receive_us", "queue_us",
+        "upload_us", "kernel_us", "download_us", "serialise_us", "total_us"}) {
+    EXPECT_TRUE(build.contains(field)) << field;
+  }
+  EXPECT_EQ(build["map"], "cloud");
+  EXPECT_EQ(build["photons"], 2357);
+  EXPECT_EQ(build["code"], "OK");
+  EXPECT_EQ(build["device"], built.map().device());
+  EXPECT_EQ(build["stages_us"].size(), static_cast<std::size_t>(built.map().build_stages_size()));
+  EXPECT_GT(build["stages_us"].size(), 0u);
+}
+
+TEST(ServerProcessTest, ASecondSignalEndsItAtOnce) {
+  Process process({"--listen", "127.0.0.1:0"});
+  const auto stub = Connect(process.WaitUntilReady());
+  grpc::ClientContext context;
+  v1::BuildPhotonMapResponse response;
+  const auto writer = stub->BuildPhotonMap(&context, &response);
+  ASSERT_TRUE(writer->Write(MakeUpload("cloud", MakePhotons(10, 1))[0]));
+  v1::ServerInfo info;
+  grpc::ClientContext first;
+  ASSERT_TRUE(stub->GetServerInfo(&first, {}, &info).ok());  // the upload has been taken up before
+  process.Signal(SIGTERM);
+  EXPECT_TRUE(Eventually([&] {
+    grpc::ClientContext late;
+    return stub->GetServerInfo(&late, {}, &info).error_code() == grpc::StatusCode::UNAVAILABLE;
+  }));
+  process.Signal(SIGINT);
+  EXPECT_EQ(process.Wait(), 130);
+  EXPECT_FALSE(writer->Finish().ok());
+}
+
+TEST(ServerProcessTest, AnAddressThatIsTakenIsOneLineAndExitCode1) {
+  Process first({"--listen", "127.0.0.1:0"});
+  const std::string address = first.WaitUntilReady();
+  Process second({"--listen", address});
+  EXPECT_EQ(second.Wait(), 1);
+  EXPECT_EQ(second.err(), "treelightd: cannot listen on '" + address +
+                              "': the address is taken, not this machine's, or not allowed\n");
+}
+
+TEST(ServerProcessTest, TheCommandLineGoesBeforeTheFileBeforeTheEnvironment) {
+  Process first({"--listen", "127.0.0.1:0"});  // only for its folder
+  const std::string config = first.folder() + "/config";
+  std::ofstream(config) << "max-photons=222\nmax-queries=222\n";
+  setenv("TREELIGHT_MAX_PHOTONS", "111", 1);
+  setenv("TREELIGHT_MAX_QUERIES", "111", 1);
+  setenv("TREELIGHT_MAX_NEIGHBORS", "111", 1);
+  Process process({"--listen", "127.0.0.1:0", "--config", config, "--max-photons", "333"});
+  for (const char* name :
+       {"TREELIGHT_MAX_PHOTONS", "TREELIGHT_MAX_QUERIES", "TREELIGHT_MAX_NEIGHBORS"}) {
+    unsetenv(name);
+  }
+  v1::ServerInfo info;
+  grpc::ClientContext context;
+  ASSERT_TRUE(Connect(process.WaitUntilReady())->GetServerInfo(&context, {}, &info).ok());
+  EXPECT_EQ(info.limits().max_photons(), 333u);
+  EXPECT_EQ(info.limits().max_queries(), 222u);
+  EXPECT_EQ(info.limits().max_neighbors(), 111u);
+}
+
+}  // namespace
+}  // namespace treelight::testing
