@@ -60,8 +60,7 @@ absl::StatusOr<Image> RenderReference(const Intersector& scene, const Options& o
   PathTraceOptions trace{.width = options.render.width,
                          .height = options.render.height,
                          .samples_per_pixel = options.samples_per_pixel.value_or(kReferenceSamples),
-                         .seed = options.seed,
-                         .progress = {}};
+                         .seed = options.seed};
   const auto begin = Clock::now();
   Progress progress("path-trace",
                     std::uint64_t{trace.samples_per_pixel} * trace.width * trace.height, "samples");

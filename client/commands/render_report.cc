@@ -79,8 +79,11 @@ std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
 }
 
 std::string FormatError(const ImageError& error, const std::string& reference_path) {
-  return fmt::format("against {}: RMSE {:.5f}, relative MSE {:.5f}, mean {:+.2f} %\n",
-                     reference_path, error.rmse, error.relative_mse, 100 * (error.mean_ratio - 1));
+  return fmt::format(
+      "against {}: RMSE {:.4f} ({:.4f} with radiances clipped at {}), relative MSE {:.5f}, mean "
+      "{:+.2f} %\n",
+      reference_path, error.rmse, error.clipped_rmse, kClip, error.relative_mse,
+      100 * (error.mean_ratio - 1));
 }
 
 }  // namespace treelight::client

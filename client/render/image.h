@@ -22,11 +22,17 @@ struct Image {
 /// How far a picture is from its reference, over all pixels and channels.
 struct ImageError {
   double rmse = 0;  ///< root of the mean squared difference
+  /// Likewise with values above kClip taken as kClip: else the few pixels that the rim of a lamp
+  /// crosses outweigh all others.
+  double clipped_rmse = 0;
   /// Mean of (a - b)^2 / (b^2 + 0.01), b the reference: errors in the dark count too (Rousselle et
   /// al. 2011, "Adaptive Sampling and Reconstruction using Greedy Error Minimization", section 6).
   double relative_mse = 0;
   double mean_ratio = 1;  ///< mean of the picture / mean of the reference: 1 where there is no bias
 };
+
+/// About what is white in a picture of middle exposure, W / unit^2 / sr.
+inline constexpr float kClip = 1;
 
 /// Compares `picture` with `reference`. INVALID_ARGUMENT: the sizes differ.
 absl::StatusOr<ImageError> Compare(const Image& picture, const Image& reference);

@@ -18,7 +18,7 @@ struct MapUploadOptions {
   std::string name = "render";               ///< the maps are NAME.indirect and NAME.caustic
   std::chrono::milliseconds time_to_live{};  ///< 0: the maps stay
   /// Called after every chunk with the photons of both maps sent so far, on the calling thread.
-  std::function<void(std::uint64_t photons)> progress;
+  std::function<void(std::uint64_t photons)> progress{};
 };
 
 /// Maps that were built from traced photons.

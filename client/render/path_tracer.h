@@ -31,7 +31,7 @@ struct PathTraceOptions {
   std::uint64_t seed = 1;
   /// Called now and then with the samples done, of width * height * samples_per_pixel, on the
   /// calling thread.
-  std::function<void(std::uint64_t samples)> progress;
+  std::function<void(std::uint64_t samples)> progress{};
 };
 
 struct PathTracedImage {

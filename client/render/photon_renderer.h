@@ -21,16 +21,16 @@ struct EstimateOptions {
 
 struct PhotonRenderOptions {
   int width = 512, height = 512;  ///< pixels, > 0
-  CameraPassOptions camera;
+  CameraPassOptions camera{};
   EstimateOptions indirect{.k = 100, .radius = 0.1f};
   EstimateOptions caustic{.k = 60, .radius = 0.05f};  ///< smaller: caustics have sharp edges
   /// Called after each batch with the pixels done, on the calling thread.
-  std::function<void(std::uint64_t pixels)> progress;
+  std::function<void(std::uint64_t pixels)> progress{};
 };
 
 /// Maps that TracedPhotons became; a set without photons has none.
 struct PhotonMaps {
-  std::optional<MapRef> indirect, caustic;
+  std::optional<MapRef> indirect{}, caustic{};
 };
 
 /// What gathers from one map cost.

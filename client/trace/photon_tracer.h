@@ -28,7 +28,7 @@ struct PhotonTraceOptions {
   std::uint64_t seed = 1;
   std::uint32_t max_bounces = 1024;  ///< scattering events of one path, > 0
   /// Called between rounds of work with the photons stored so far, on the calling thread.
-  std::function<void(std::uint64_t photons)> progress;
+  std::function<void(std::uint64_t photons)> progress{};
 };
 
 /// Photons on the diffuse surfaces of a scene. Light that comes straight from a light is in neither

@@ -1,0 +1,150 @@
+#include "client/trace/intersector.h"
+
+#include <random>
+
+#include "client/scenes/cornell.h"
+#include "client/scenes/registry.h"
+#include "client/scenes/vector.h"
+#include "client/trace/lights.h"
+#include "client/trace/sampling.h"
+#include "gtest/gtest.h"
+#include "tests/test_scenes.h"
+
+namespace treelight::client {
+namespace {
+
+using ::treelight::testing::MakeClosedBox;
+using ::treelight::testing::MustIntersect;
+
+const Material kGrey{.name = "grey", .reflectance = {0.5f, 0.5f, 0.5f}};
+
+TEST(Intersector, FindsBothSidesOfASphere) {
+  Scene scene;
+  scene.materials = {kGrey};
+  scene.spheres = {{.center = {1, 2, 3}, .radius = 0.5f, .material = 0}};
+  const Intersector intersector = MustIntersect(scene);
+  const auto outside = intersector.Intersect({{1, 2, 0}, {0, 0, 1}});
+  ASSERT_TRUE(outside);
+  EXPECT_FLOAT_EQ(outside->distance, 2.5f);
+  EXPECT_EQ(outside->normal, (Vec3{0, 0, -1}));
+  EXPECT_TRUE(outside->front);
+  EXPECT_FALSE(outside->triangle);
+  const auto inside = intersector.Intersect({{1, 2, 3}, {0, 0, 1}});
+  ASSERT_TRUE(inside);
+  EXPECT_FLOAT_EQ(inside->distance, 0.5f);
+  EXPECT_EQ(inside->normal, (Vec3{0, 0, -1}));
+  EXPECT_FALSE(inside->front);
+  EXPECT_FALSE(intersector.Intersect({{1, 2.6f, 0}, {0, 0, 1}}));
+  EXPECT_TRUE(intersector.Occluded({1, 2, 0}, {1, 2, 6}));
+  EXPECT_FALSE(intersector.Occluded({1, 2, 0}, {1, 2, 2.4f}));
+}
+
+TEST(Intersector, TellsTheFrontOfATriangle) {
+  const Intersector intersector = MustIntersect(MakeClosedBox(kGrey));
+  const auto inside = intersector.Intersect({{0.3f, 0.4f, 0.5f}, {0, -1, 0}});
+  ASSERT_TRUE(inside);
+  EXPECT_TRUE(inside->front);
+  EXPECT_EQ(inside->normal, (Vec3{0, 1, 0}));
+  EXPECT_NEAR(inside->position.x, 0.3f, 1e-6);
+  EXPECT_NEAR(inside->position.z, 0.5f, 1e-6);
+  EXPECT_EQ(inside->position.y, 0);
+  const auto outside = intersector.Intersect({{0.3f, 2, 0.5f}, {0, -1, 0}});
+  ASSERT_TRUE(outside);
+  EXPECT_FALSE(outside->front);
+  EXPECT_EQ(outside->normal, (Vec3{0, 1, 0}));
+}
+
+// No ray slips out between two walls, none meets the wall that it leaves, at any place and size of
+// the box.
+TEST(Intersector, AClosedBoxStaysClosed) {
+  const auto seed = std::random_device{}();
+  RecordProperty("seed", static_cast<int>(seed));
+  std::mt19937 engine(seed);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  for (const float scale : {0.01f, 1.0f, 300.0f}) {
+    for (const float shift : {0.0f, 1.0f, -50.0f}) {
+      Scene scene = MakeClosedBox(kGrey);
+      for (Vec3& v : scene.mesh.vertices) v = scale * (v + Vec3{shift, shift, shift});
+      const Intersector intersector = MustIntersect(scene);
+      const float middle = scale * (0.5f + shift);
+      Ray ray{{middle, middle, middle}, {0, 0, 1}};
+      for (int i = 0; i < 20'000; ++i) {
+        const auto hit = intersector.Intersect(ray);
+        ASSERT_TRUE(hit) << "seed " << seed << " scale " << scale << " shift " << shift << " ray "
+                         << i;
+        ASSERT_TRUE(hit->front) << "seed " << seed << " scale " << scale << " shift " << shift;
+        const float u = uniform(engine), v = uniform(engine);
+        ray = LeaveSurface(*hit, CosineDirection(hit->normal, u, v));
+      }
+    }
+  }
+}
+
+TEST(Intersector, ARayThatLeavesASphereDoesNotMeetItAgain) {
+  Scene scene;
+  scene.materials = {kGrey};
+  scene.spheres = {{.center = {0.42f, 0.351f, 0.28f}, .radius = 0.35f, .material = 0}};
+  const Intersector intersector = MustIntersect(scene);
+  std::mt19937 engine(5);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  for (int i = 0; i < 20'000; ++i) {
+    const float a = uniform(engine), b = uniform(engine), c = uniform(engine), d = uniform(engine);
+    const Vec3 inward = CosineDirection({0, 0, 1}, a, b);
+    const auto hit = intersector.Intersect({scene.spheres[0].center - 3 * inward, inward});
+    ASSERT_TRUE(hit);
+    EXPECT_FALSE(intersector.Intersect(LeaveSurface(*hit, CosineDirection(hit->normal, c, d))));
+    const auto exit = intersector.Intersect(LeaveSurface(*hit, inward));
+    ASSERT_TRUE(exit);
+    EXPECT_FALSE(exit->front);
+    EXPECT_NEAR(exit->distance, 0.7f, 1e-3);
+  }
+}
+
+TEST(Intersector, RefusesAnInvalidScene) {
+  const auto message = [](const Scene& scene) {
+    const auto status = Intersector::Create(scene).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+    return std::string(status.message());
+  };
+  Scene scene = MakeClosedBox(kGrey);
+  scene.mesh.corners[3][1] = 99;
+  EXPECT_EQ(message(scene), "triangle 3: there is no vertex 99");
+  scene = MakeClosedBox(kGrey);
+  scene.mesh.materials[2] = 1;
+  EXPECT_EQ(message(scene), "triangle 2: there is no material 1");
+  scene = MakeClosedBox({.name = "lamp", .reflectance = {}, .emission = {1, 1, 1}});
+  scene.spheres = {{.center = {}, .radius = 1, .material = 0}};
+  EXPECT_EQ(message(scene), "sphere 0 emits; only triangles may");
+  scene.materials[0].emission = {};
+  scene.spheres[0].radius = 0;
+  EXPECT_EQ(message(scene), "sphere 0: radius 0 is not positive");
+}
+
+TEST(Lights, PowerAndDensityAreThoseOfTheTriangles) {
+  const Lights lights(MakeCornell());
+  constexpr float kPi = 3.14159265f;
+  EXPECT_NEAR(lights.power().r, kPi * 0.25f * 18, 1e-4);
+  EXPECT_NEAR(lights.power().b, kPi * 0.25f * 11, 1e-4);
+  for (const float u : {0.0f, 0.3f, 0.5f, 0.99999994f}) {
+    const LightPoint point = lights.Sample(u, 0.25f);
+    EXPECT_FLOAT_EQ(point.density, 4);  // 1 / area
+    EXPECT_EQ(point.normal, (Vec3{0, -1, 0}));
+    EXPECT_NEAR(point.position.y, 2, 1e-4);
+    EXPECT_LT(point.position.y, 2);
+    EXPECT_LE(std::max(std::abs(point.position.x), std::abs(point.position.z)), 0.2501f);
+  }
+}
+
+TEST(Registry, MakesEverySceneItNames) {
+  for (const std::string& name : BuiltInScenes()) {
+    const auto scene = MakeScene(name);
+    ASSERT_TRUE(scene.ok()) << scene.status();
+    EXPECT_EQ(scene->name, name);
+    EXPECT_TRUE(Intersector::Create(*scene).ok()) << name;
+  }
+  EXPECT_EQ(MakeScene("nowhere").status().message(),
+            "there is no scene \"nowhere\"; built in: cornell");
+}
+
+}  // namespace
+}  // namespace treelight::client
