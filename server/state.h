@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_SERVER_STATE_H_
 #define TREELIGHT_SERVER_STATE_H_
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "server/map_store.h"
 #include "server/options.h"
 #include "server/request_log.h"
+#include "tbb/info.h"
 #include "tbb/task_arena.h"
 
 namespace treelight::server {
@@ -43,7 +45,10 @@ struct State {
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   MapStore store;
   ActiveCalls calls;
-  tbb::task_arena cpu{tbb::task_arena::automatic, /*reserved_for_masters=*/0};
+  // As many as TBB has workers; asking for more makes it write a warning to stderr, where the log
+  // may go.
+  tbb::task_arena cpu{std::max(1, tbb::info::default_concurrency() - 1),
+                      /*reserved_for_masters=*/0};
   DeviceQueue device_queue;  // last: its jobs use the rest
 };
 

@@ -212,7 +212,9 @@ TEST_F(ServiceCallsTest, AStreamReadsOneBatchAheadAndNoMore) {
   v1::GatherResponse part;
   EXPECT_TRUE(stream->Read(&part));
   EXPECT_TRUE(stream->Read(&part));
-  EXPECT_FALSE(stream->Read(&part));
+  const bool third_answered = stream->Read(&part);
+  EXPECT_FALSE(third_answered);
+  if (third_answered) context.TryCancel();  // or Finish would wait for ever
   EXPECT_EQ(stream->Finish().error_message(), "no map is named 'third'");
 }
 
