@@ -121,6 +121,11 @@ TEST(Compare, MeasuresDifferences) {
   EXPECT_DOUBLE_EQ(error->clipped_rmse, 0);
   EXPECT_DOUBLE_EQ(error->relative_mse, 0.5 / 1.01);
   EXPECT_DOUBLE_EQ(error->mean_ratio, 1.5);
+  const auto swapped = Compare(b, a);
+  ASSERT_TRUE(swapped.ok());
+  EXPECT_DOUBLE_EQ(swapped->clipped_rmse, 0);
+  a.pixels[1] = {0.5f, 0.5f, 0.5f};
+  EXPECT_DOUBLE_EQ(Compare(a, b)->clipped_rmse, std::sqrt(0.125));
   EXPECT_EQ(Compare(a, Image(1, 2)).status().code(), absl::StatusCode::kInvalidArgument);
 }
 

@@ -55,6 +55,24 @@ TEST(PathTracer, SmallLampHasTheAnalyticRadiance) {
   for (const Rgb& pixel : traced.image.pixels) EXPECT_NEAR(pixel.r, expected, 0.01 * expected);
 }
 
+TEST(PathTracer, WhatIsHiddenFromTheLampIsBlack) {
+  Scene scene = MakeLampOverFloor(100, 0.05f);
+  scene.materials.push_back({.name = "black", .reflectance = {}});
+  scene.spheres = {{.center = {0, 0.75f, 0}, .radius = 0.1f, .material = 2}};
+  const auto traced =
+      MustPathTrace(scene, {.width = 4, .height = 4, .samples_per_pixel = 16, .seed = 6});
+  for (const Rgb& pixel : traced.image.pixels) EXPECT_EQ(pixel, Rgb{});
+}
+
+TEST(PathTracer, TheBackOfALampIsBlack) {
+  Scene scene = MakeLampOverFloor(100, 0.5f);
+  scene.camera = {
+      .position = {0, 3, 0}, .target = {0, 0, 0}, .up = {0, 0, 1}, .vertical_fov_degrees = 1};
+  const auto traced =
+      MustPathTrace(scene, {.width = 4, .height = 4, .samples_per_pixel = 16, .seed = 7});
+  for (const Rgb& pixel : traced.image.pixels) EXPECT_EQ(pixel, Rgb{});
+}
+
 TEST(PathTracer, TellsItsNoise) {
   const PathTraceOptions options{.width = 24, .height = 24, .samples_per_pixel = 32, .seed = 3};
   const auto a = MustPathTrace(MakeCornell(), options);

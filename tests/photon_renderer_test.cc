@@ -1,5 +1,7 @@
 #include "client/render/photon_renderer.h"
 
+#include <numbers>
+
 #include "client/render/map_upload.h"
 #include "client/render/path_tracer.h"
 #include "client/scenes/cornell.h"
@@ -13,6 +15,7 @@ namespace treelight::client {
 namespace {
 
 using ::treelight::testing::MakeDiffuseBox;
+using ::treelight::testing::MakeLampUnderMirror;
 using ::treelight::testing::MustIntersect;
 
 /// Pictures by way of a whole server, in process, on the brute-force builder.
@@ -92,10 +95,34 @@ TEST_F(PhotonRendererTest, GivesTheSamePictureForAnyNumberOfThreads) {
   for (const Image& image : images) EXPECT_EQ(image.pixels, images[0].pixels);
 }
 
-// More than one camera batch, and a batch of more queries than one message takes.
+TEST_F(PhotonRendererTest, CausticsHaveTheAnalyticRadiance) {
+  constexpr float kLampSide = 0.1f, kRadiance = 50;
+  const Intersector scene = MustIntersect(MakeLampUnderMirror(kRadiance, kLampSide));
+  const PhotonMaps maps{.caustic = MustUpload(scene, 300'000).refs().caustic};
+  const auto render =
+      MustRender(scene, maps, {.width = 4, .height = 4, .caustic = {.k = 0, .radius = 0.5f}});
+  const double squared_distance = 9 + 1.5 * 1.5;
+  const double irradiance =
+      kRadiance * kLampSide * kLampSide * 9 / (squared_distance * squared_distance);
+  for (const Rgb& pixel : render.image.pixels) {
+    EXPECT_NEAR(pixel.g, 0.5 / std::numbers::pi * irradiance,
+                0.04 * 0.5 / std::numbers::pi * irradiance);
+  }
+}
+
+// More than one camera batch, and batches of more queries than one message takes: a glass sphere
+// fills the picture and splits the rays.
 TEST_F(PhotonRendererTest, BatchesComeTogetherInOrder) {
-  const Intersector scene = MustIntersect(MakeDiffuseBox());
-  const auto maps = MustUpload(scene, 20);
+  Scene glass = MakeDiffuseBox();
+  glass.materials.push_back(
+      {.name = "glass", .surface = Surface::kDielectric, .reflectance = {}, .ior = 1.5f});
+  glass.spheres = {{.center = {0.5f, 0.5f, 0.4f}, .radius = 0.35f, .material = 2}};
+  glass.camera.vertical_fov_degrees = 20;
+  const Intersector scene = MustIntersect(glass);
+  const auto photons = TracePhotons(scene, {.photon_count = 20, .seed = 12});
+  ASSERT_TRUE(photons.ok()) << photons.status();
+  const auto maps = UploadMaps(*client_, *photons, {.name = "test"});
+  ASSERT_TRUE(maps.ok()) << maps.status();
   PhotonRenderOptions options{
       .width = 200, .height = 170, .camera = {.samples_per_pixel = 2, .light_strata = 1}};
   options.indirect = {.k = 0, .radius = 10};
@@ -104,13 +131,28 @@ TEST_F(PhotonRendererTest, BatchesComeTogetherInOrder) {
     EXPECT_GT(done, pixels);
     pixels = done;
   };
-  const auto render = MustRender(scene, maps.refs(), options);
+  const auto render = MustRender(scene, {.indirect = maps->refs().indirect}, options);
   EXPECT_EQ(pixels, 200u * 170);
-  EXPECT_EQ(render.indirect.queries, 2u * 200 * 170);
-  const auto direct =
-      MustRender(scene, {}, {.width = 200, .height = 170, .camera = options.camera});
-  for (std::size_t i = 0; i < direct.image.pixels.size(); ++i) {
-    ASSERT_GE(render.image.pixels[i].r, direct.image.pixels[i].r) << i;
+
+  // The same in one piece, without a server.
+  const Lights lights(scene.scene());
+  const CameraBatch batch = TraceCameraBatch(
+      scene, lights, CameraRays(scene.scene().camera, 200, 170), 200, 0, 200 * 170, options.camera);
+  ASSERT_GT(batch.size(), std::size_t{2} * 2 * 200 * 170);  // over 65536 of each 32768 samples
+  EXPECT_EQ(render.indirect.queries, batch.size());
+  const auto map = MakeBruteForceBuilder()->Build(photons->indirect, {});
+  ASSERT_TRUE(map.ok());
+  const auto gathered =
+      (*map)->Gather({.positions = batch.positions, .normals = batch.normals, .radii = {}},
+                     {.k = 0, .radius = 10, .outputs = kOutputDensity});
+  ASSERT_TRUE(gathered.ok()) << gathered.status();
+  std::vector<Rgb> expected = batch.radiance;
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const float* density = &gathered->densities[3 * i];
+    expected[batch.pixels[i]] += batch.weights[i] * Rgb{density[0], density[1], density[2]};
+  }
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    ASSERT_EQ(render.image.pixels[i], expected[i]) << i;
   }
 }
 

@@ -15,7 +15,7 @@ namespace treelight::client {
 namespace {
 
 using ::treelight::testing::MakeFurnace;
-using ::treelight::testing::MakeLampOverFloor;
+using ::treelight::testing::MakeLampUnderMirror;
 using ::treelight::testing::MustIntersect;
 
 TracedPhotons MustTrace(const Scene& scene, const PhotonTraceOptions& options) {
@@ -102,16 +102,10 @@ TEST(PhotonTracer, LosslessSpheresLeaveTheFurnaceAsItIs) {
   }
 }
 
-// A mirror at y = 2 shows the lamp, turned up, at y = 3: from there it lights the floor below
-// through the mirror with L A cos^2 / d^2.
+// The floor is lit from the image of the lamp at y = 3: L A cos^2 / d^2.
 TEST(PhotonTracer, CausticOfASmallLampHasTheAnalyticIrradiance) {
   constexpr float kSide = 0.1f, kRadiance = 50;
-  Scene scene = MakeLampOverFloor(kRadiance, kSide);
-  std::swap(scene.mesh.corners[2][1], scene.mesh.corners[2][2]);  // the lamp faces up
-  std::swap(scene.mesh.corners[3][1], scene.mesh.corners[3][2]);
-  scene.materials.push_back(
-      {.name = "mirror", .surface = Surface::kMirror, .reflectance = {1, 1, 1}});
-  AddQuad({-50, 2, -50}, {50, 2, -50}, {50, 2, 50}, {-50, 2, 50}, 2, scene.mesh);
+  const Scene scene = MakeLampUnderMirror(kRadiance, kSide);
   const TracedPhotons photons = MustTrace(scene, {.photon_count = 1'000'000, .seed = 6});
   const float x = 1.5f, radius = 0.4f;
   const double squared_distance = 9 + x * x, squared_cosine = 9 / squared_distance;

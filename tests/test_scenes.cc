@@ -49,6 +49,19 @@ Scene MakeLampOverFloor(float radiance, float side) {
   return scene;
 }
 
+Scene MakeLampUnderMirror(float radiance, float side) {
+  Scene scene = MakeLampOverFloor(radiance, side);
+  for (const int triangle : {2, 3}) {
+    auto& corners = scene.mesh.corners[triangle];
+    std::swap(corners[1], corners[2]);
+  }
+  scene.materials.push_back(
+      {.name = "mirror", .surface = client::Surface::kMirror, .reflectance = {1, 1, 1}});
+  AddQuad({-50, 2, -50}, {50, 2, -50}, {50, 2, 50}, {-50, 2, 50}, 2, scene.mesh);
+  scene.camera.target = {1.5f, 0, 0};
+  return scene;
+}
+
 client::Intersector MustIntersect(Scene scene) {
   auto intersector = client::Intersector::Create(std::move(scene));
   return *std::move(intersector);  // aborts with the status where there is none

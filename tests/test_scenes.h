@@ -22,6 +22,10 @@ client::Scene MakeDiffuseBox();
 /// x 20 units below it at y = 0.
 client::Scene MakeLampOverFloor(float radiance, float side);
 
+/// The lamp turned up, below a mirror of 100 x 100 units at y = 2 that takes nothing away: the
+/// floor sees the image of the lamp at (0, 3, 0). The camera looks at (1.5, 0, 0).
+client::Scene MakeLampUnderMirror(float radiance, float side);
+
 /// The scene on Embree; it must be valid.
 client::Intersector MustIntersect(client::Scene scene);
 
