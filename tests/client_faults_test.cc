@@ -30,6 +30,12 @@ class FaultyService : public v1::PhotonMapService::Service {
     info->mutable_limits()->set_max_queries(2);
     return grpc::Status::OK;
   }
+  grpc::Status GetPhotonMap(grpc::ServerContext*, const v1::GetPhotonMapRequest*,
+                            v1::PhotonMap* map) override {
+    map->set_name("map");
+    map->set_version(1);
+    return grpc::Status::OK;
+  }
   grpc::Status GatherStream(grpc::ServerContext* context, Stream* stream) override {
     return gather_stream(*context, *stream);
   }
@@ -129,6 +135,25 @@ TEST_F(ClientFaultsTest, AnEmptyUnaryAnswerIsInternal) {
       client.Gather({.name = "map"}, {.positions = position, .normals = {}, .radii = {}}, {.k = 1});
   EXPECT_EQ(answer.status().code(), absl::StatusCode::kInternal);
   EXPECT_THAT(std::string(answer.status().message()), HasSubstr("malformed answer"));
+}
+
+TEST_F(ClientFaultsTest, EveryBatchAsksForTheVersionThatWasNewestAtFirst) {
+  std::vector<std::uint64_t> versions;  // that the batches ask for
+  service_.gather_stream = [&](grpc::ServerContext&, FaultyService::Stream& stream) {
+    v1::GatherRequest request;
+    while (stream.Read(&request)) {
+      versions.push_back(request.version());
+      stream.Write(Answer(request));
+    }
+    return grpc::Status::OK;
+  };
+  PhotonMapClient client(Channel());
+  const std::vector<float> positions(15);
+  const auto answer = client.Gather({.name = "map"},
+                                    {.positions = positions, .normals = {}, .radii = {}}, {.k = 1});
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  EXPECT_EQ(answer->map.version, 1u);
+  EXPECT_THAT(versions, testing::ElementsAre(1, 1, 1));
 }
 
 TEST_F(ClientFaultsTest, AStreamThatEndsEarlyIsInternal) {
