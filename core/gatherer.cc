@@ -91,7 +91,17 @@ absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,
                                      CheckRadii(queries, options), CheckNormals(map, queries)}) {
     if (!status.ok()) return status;
   }
-  return absl::OkStatus();
+  const bool lists = (options.outputs & kOutputNeighbors) != 0;
+  return CheckNeighborCount(lists ? std::uint64_t{options.k} * queries.size() : 0, options);
+}
+
+absl::Status CheckNeighborCount(std::uint64_t neighbor_count, const GatherOptions& options) {
+  if (neighbor_count <= options.max_neighbors) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      fmt::format("the answer of the batch holds {} neighbours, the limit is {} (max_neighbors); "
+                  "send fewer queries in "
+                  "a batch, or a smaller k or radius",
+                  neighbor_count, options.max_neighbors));
 }
 
 }  // namespace treelight

@@ -35,6 +35,8 @@ struct GatherOptions {
       std::numeric_limits<float>::infinity();  ///< r, scene units, >= 0; within means d2 <= r*r
   std::uint32_t outputs = kOutputCount;        ///< mask of kOutput bits, not 0
   DensityKernel kernel = DensityKernel::kEpanechnikov;
+  /// Neighbours in the lists of the whole batch, at most; counted before they are listed.
+  std::uint64_t max_neighbors = std::numeric_limits<std::uint64_t>::max();
 };
 
 /// Largest k of a gather.
@@ -42,10 +44,10 @@ inline constexpr std::uint32_t kMaxNeighbors = 4096;
 
 /// Queries of one batch; the caller keeps the arrays alive. m is positions.size() / 3.
 struct GatherQueries {
-  std::span<const float> positions;  ///< [3m] scene units, finite, within kMaxCoordinate
-  std::span<const float>
-      normals;  ///< [3m] or empty; DENSITY then leaves out photons with direction . normal >= 0
-  std::span<const float> radii;  ///< [m] or empty; instead of GatherOptions::radius
+  std::span<const float> positions = {};  ///< [3m] scene units, finite, within kMaxCoordinate
+  /// [3m] or empty; DENSITY then leaves out photons with direction . normal >= 0
+  std::span<const float> normals = {};
+  std::span<const float> radii = {};  ///< [m] or empty; instead of GatherOptions::radius
 
   std::size_t size() const { return positions.size() / 3; }
 };
@@ -114,6 +116,9 @@ class Gatherer {
   virtual bool has_directions() const = 0;
   virtual const BuildReport& report() const = 0;
 };
+
+/// RESOURCE_EXHAUSTED where the lists of a batch hold more than `options` allows.
+absl::Status CheckNeighborCount(std::uint64_t neighbor_count, const GatherOptions& options);
 
 /// The checks that every Gatherer makes before it works; see Gatherer::Gather.
 absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,

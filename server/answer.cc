@@ -52,14 +52,6 @@ absl::Status CheckFitsMessage(const GatherOptions& options, std::uint64_t query_
       bytes, query_count, options.k, limits.max_message_bytes));
 }
 
-absl::Status CheckNeighborCount(std::uint64_t neighbor_count, const Limits& limits) {
-  if (neighbor_count <= limits.max_neighbors) return absl::OkStatus();
-  return absl::ResourceExhaustedError(fmt::format(
-      "the answer of the batch holds {} neighbours, the limit is {} "
-      "(ServerLimits.max_neighbors); send fewer queries in a batch, or a smaller k or radius",
-      neighbor_count, limits.max_neighbors));
-}
-
 absl::StatusOr<std::size_t> FindPartEnd(const GatherResult& result, const GatherOptions& options,
                                         std::size_t query_count, std::size_t first,
                                         const Limits& limits) {

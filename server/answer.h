@@ -25,10 +25,6 @@ std::uint64_t LargestAnswer(const GatherOptions& options, std::uint64_t query_co
 absl::Status CheckFitsMessage(const GatherOptions& options, std::uint64_t query_count,
                               std::uint64_t photon_count, const Limits& limits);
 
-/// Refuses `neighbor_count` neighbours in the whole answer of a batch where they are over the
-/// limit.
-absl::Status CheckNeighborCount(std::uint64_t neighbor_count, const Limits& limits);
-
 /// End of the part that begins with query `first`: as many queries as fit Limits::max_part_bytes,
 /// at least one. RESOURCE_EXHAUSTED: the list of the first alone does not fit a message; the
 /// message names the query.

@@ -54,33 +54,21 @@ absl::Status Batch::Parse(const v1::GatherRequest& request) {
   auto batch = ParseGather(request, *map_->gatherer, state_.options.limits);
   if (!batch.ok()) return batch.status();
   batch_ = *std::move(batch);
+  const Limits& limits = state_.options.limits;
   if (form_ == AnswerForm::kMessage) {
-    const auto status = CheckFitsMessage(batch_.options, batch_.size(),
-                                         map_->gatherer->photon_count(), state_.options.limits);
+    const auto status =
+        CheckFitsMessage(batch_.options, batch_.size(), map_->gatherer->photon_count(), limits);
     if (!status.ok()) return status;
   }
-  if ((batch_.options.outputs & kOutputNeighbors) == 0) return absl::OkStatus();
-  return CheckNeighborCount(std::uint64_t{batch_.options.k} * batch_.size(), state_.options.limits);
-}
-
-/// Lists without a cap may be longer than anybody can hold: where they could be, they are counted
-/// first.
-absl::Status Batch::CheckNeighbors() const {
-  const Gatherer& map = *map_->gatherer;
-  const std::uint64_t most = std::uint64_t{map.photon_count()} * batch_.size();
-  if ((batch_.options.outputs & kOutputNeighbors) == 0 || batch_.options.k > 0 ||
-      most <= state_.options.limits.max_neighbors) {
-    return absl::OkStatus();
-  }
-  GatherOptions options = batch_.options;
-  options.outputs = kOutputCount;
-  const auto counted = map.Gather(batch_.queries(), options, call_.cancelled());
-  if (!counted.ok()) return counted.status();
-  return CheckNeighborCount(Sum(counted->counts), state_.options.limits);
+  // Here for lists of k, before the batch waits for the device; lists without a cap are counted
+  // there.
+  batch_.options.max_neighbors = limits.max_neighbors;
+  const bool lists = (batch_.options.outputs & kOutputNeighbors) != 0;
+  return CheckNeighborCount(lists ? std::uint64_t{batch_.options.k} * batch_.size() : 0,
+                            batch_.options);
 }
 
 absl::Status Batch::Gather() {
-  if (auto status = CheckNeighbors(); !status.ok()) return status;
   auto result = map_->gatherer->Gather(batch_.queries(), batch_.options, call_.cancelled());
   if (!result.ok()) return result.status();
   result_ = *std::move(result);

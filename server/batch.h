@@ -44,7 +44,6 @@ class Batch {
  private:
   absl::Status Parse(const v1::GatherRequest& request);
   absl::Status Gather();
-  absl::Status CheckNeighbors() const;
   void Describe(const v1::GatherRequest& request);
 
   State& state_;

@@ -350,6 +350,26 @@ TEST(GathererTest, ACancelledGatherStops) {
   }
 }
 
+TEST(GathererTest, ListsOverTheLimitAreRefused) {
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 100, /*seed=*/7);
+  const Pair pair = BuildPair(photons);
+  const std::vector<float> positions(3 * 10, 0.5f);
+  for (const Gatherer* map : {pair.device.get(), pair.brute_force.get()}) {
+    for (const GatherOptions& options :
+         {GatherOptions{.k = 0, .radius = 5, .outputs = kOutputNeighbors, .max_neighbors = 999},
+          GatherOptions{.k = 100, .outputs = kOutputNeighbors, .max_neighbors = 999}}) {
+      const auto answer = map->Gather({positions, {}, {}}, options);
+      EXPECT_EQ(answer.status().code(), absl::StatusCode::kResourceExhausted);
+      EXPECT_EQ(answer.status().message(),
+                "the answer of the batch holds 1000 neighbours, the limit is 999 (max_neighbors); "
+                "send fewer queries in a batch, or a smaller k or radius");
+    }
+    EXPECT_TRUE(
+        map->Gather({positions, {}, {}}, {.k = 0, .radius = 5, .outputs = 4, .max_neighbors = 1000})
+            .ok());
+  }
+}
+
 TEST(GathererTest, AnswersLargerThanABufferAreRefused) {
   const std::uint64_t limit = TestGpu().device->info().max_buffer_bytes;
   const std::uint64_t query_count = limit / (4 * kMaxNeighbors) + 1;

@@ -123,9 +123,8 @@ TEST_F(ServiceErrorsTest, AnAnswerThatMightNotFitAMessageIsRefusedInOneMessageOn
 TEST_F(ServiceErrorsTest, TooManyNeighborsInABatchAreRefused) {
   auto request = MakeBatch("bare", MakePoints(2'001, 1), {.k = 50, .outputs = kOutputNeighbors});
   const std::string tail =
-      " neighbours, the limit is 100000 (ServerLimits.max_neighbors); send fewer queries in a "
-      "batch, "
-      "or a smaller k or radius";
+      " neighbours, the limit is 100000 (max_neighbors); send fewer queries in a batch, or a "
+      "smaller k or radius";
   EXPECT_EQ(StreamError(request),
             "RESOURCE_EXHAUSTED: the answer of the batch holds 100050" + tail);
   request.set_k(0);

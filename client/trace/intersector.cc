@@ -1,5 +1,6 @@
 #include "client/trace/intersector.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -144,6 +145,19 @@ float OffsetComponent(float position, float normal) {
                               (position < 0 ? -ulps : ulps));
 }
 
+/// `position` on the triangle a, a + ab, a + ac, moved towards the middle of the triangle by a few
+/// roundings of its coordinates: the position of a hit near an edge may lie behind the neighbouring
+/// wall by a rounding, and what leaves from there never comes back.
+Vec3 KeepInside(const Vec3& position, const Vec3& a, const Vec3& ab, const Vec3& ac) {
+  constexpr float kReach = 4 * 0x1p-23f;
+  const Vec3 inward = a + (1.0f / 3) * (ab + ac) - position;
+  const float largest =
+      std::max({std::fabs(position.x), std::fabs(position.y), std::fabs(position.z), std::fabs(a.x),
+                std::fabs(a.y), std::fabs(a.z)});
+  const float length = std::sqrt(Dot(inward, inward));
+  return length > kReach * largest ? position + (kReach * largest / length) * inward : position;
+}
+
 }  // namespace
 
 Vec3 OffsetFromSurface(const Vec3& position, const Vec3& normal) {
@@ -227,7 +241,7 @@ std::optional<Hit> Intersector::Intersect(const Ray& ray) const {
     const auto& [ia, ib, ic] = scene.mesh.corners[rayhit.hit.primID];
     const Vec3& a = scene.mesh.vertices[ia];
     const Vec3 ab = scene.mesh.vertices[ib] - a, ac = scene.mesh.vertices[ic] - a;
-    hit.position = a + rayhit.hit.u * ab + rayhit.hit.v * ac;
+    hit.position = KeepInside(a + rayhit.hit.u * ab + rayhit.hit.v * ac, a, ab, ac);
     hit.normal = Normalize(Cross(ab, ac));
     hit.triangle = rayhit.hit.primID;
     hit.material = &scene.materials[scene.mesh.materials[rayhit.hit.primID]];

@@ -83,6 +83,13 @@ class BruteForce : public Gatherer {
       lists[i] = FindNeighbors(photons_, {p[0], p[1], p[2]}, options.k, limits[i]);
     });
     if (cancelled && cancelled()) return absl::CancelledError("gather cancelled");
+    if (options.k == 0 && (options.outputs & kOutputNeighbors) != 0) {
+      std::uint64_t neighbor_count = 0;
+      for (const auto& list : lists) neighbor_count += list.size();
+      if (const auto status = CheckNeighborCount(neighbor_count, options); !status.ok()) {
+        return status;
+      }
+    }
     return Write(queries, options, lists, limits);
   }
 

@@ -32,6 +32,13 @@ struct BatchBuffers {
   Buffer<float> radii, neighbor_d2, densities;
 };
 
+/// The lists of a gather without a cap, as GatherResult holds them.
+struct NeighborLists {
+  std::vector<std::uint64_t> offsets;
+  std::vector<std::uint32_t> ids;
+  std::vector<float> squared_distances;
+};
+
 void ThrowIfCancelled(const CancelCheck& cancelled) {
   if (cancelled && cancelled()) throw StatusError(absl::CancelledError("gather cancelled"));
 }
@@ -77,8 +84,8 @@ class GpuGatherer : public Gatherer {
                      const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                    const CancelCheck& cancelled) const;
-  void GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                   const CancelCheck& cancelled, GatherResult& result) const;
+  NeighborLists GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                            const GatherOptions& options, const CancelCheck& cancelled) const;
 
   std::size_t QueriesPerLaunch() const {
     return map_.gpu.device->is_cpu() ? kQueriesPerLaunchCpu : kQueriesPerLaunchGpu;
@@ -157,7 +164,10 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   if (options.k > 0) {
     GatherNearest(batch, params, m, cancelled);
   } else if ((options.outputs & kOutputNeighbors) != 0) {
-    GatherLists(batch, params, m, cancelled, result);
+    NeighborLists lists = GatherLists(batch, params, m, options, cancelled);
+    result.neighbor_ids = std::move(lists.ids);
+    result.neighbor_squared_distances = std::move(lists.squared_distances);
+    result.neighbor_offsets = std::move(lists.offsets);
   } else {
     GatherRange(batch, params, m, cancelled);
   }
@@ -229,18 +239,22 @@ void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, st
   }
 }
 
-void GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                              const CancelCheck& cancelled, GatherResult& result) const {
+NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params,
+                                       std::size_t count, const GatherOptions& options,
+                                       const CancelCheck& cancelled) const {
   // The counts tell where each list begins.
   const Gpu& gpu = map_.gpu;
   GatherParams counting = params;
   counting.outputs |= kOutputCount;
   GatherRange(batch, counting, count, cancelled);
   const std::vector<cl_uint> counts = batch.counts.Read(gpu.queue());
-  result.neighbor_offsets.assign(count + 1, 0);
-  std::inclusive_scan(counts.begin(), counts.end(), result.neighbor_offsets.begin() + 1,
-                      std::plus<>(), std::uint64_t{0});
-  const std::uint64_t total = result.neighbor_offsets.back();
+  NeighborLists lists;
+  lists.offsets.assign(count + 1, 0);
+  std::inclusive_scan(counts.begin(), counts.end(), lists.offsets.begin() + 1, std::plus<>(),
+                      std::uint64_t{0});
+  const std::uint64_t total = lists.offsets.back();
+  if (const auto status = CheckNeighborCount(total, options); !status.ok())
+    throw StatusError(status);
   if (total * sizeof(cl_ulong) > gpu.device->info().max_buffer_bytes) {
     throw StatusError(absl::ResourceExhaustedError(
         fmt::format("neighbors: the lists of {} queries hold {} photons, a buffer of the device "
@@ -248,8 +262,7 @@ void GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params, st
                     "fewer queries at once or a smaller radius",
                     count, total, gpu.device->info().max_buffer_bytes / sizeof(cl_ulong))));
   }
-  const std::vector<cl_ulong> firsts(result.neighbor_offsets.begin(),
-                                     result.neighbor_offsets.end());
+  const std::vector<cl_ulong> firsts(lists.offsets.begin(), lists.offsets.end());
   const auto offsets = MakeBuffer<cl_ulong>(gpu.context(), gpu.queue(), firsts);
   const Buffer<cl_ulong> candidates(gpu.context(), total);
   for (std::size_t first = 0; first < count; first += QueriesPerLaunch()) {
@@ -262,13 +275,13 @@ void GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params, st
     if (cancelled) gpu.queue().finish();
   }
   const std::vector<cl_ulong> found = candidates.Read(gpu.queue());
-  result.neighbor_ids.resize(total);
-  result.neighbor_squared_distances.resize(total);
+  lists.ids.resize(total);
+  lists.squared_distances.resize(total);
   for (std::uint64_t i = 0; i < total; ++i) {
-    result.neighbor_ids[i] = static_cast<std::uint32_t>(found[i]);
-    result.neighbor_squared_distances[i] =
-        std::bit_cast<float>(static_cast<std::uint32_t>(found[i] >> 32));
+    lists.ids[i] = static_cast<std::uint32_t>(found[i]);
+    lists.squared_distances[i] = std::bit_cast<float>(static_cast<std::uint32_t>(found[i] >> 32));
   }
+  return lists;
 }
 
 }  // namespace
