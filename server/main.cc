@@ -18,6 +18,7 @@
 #include "server/flags.h"
 #include "server/server.h"
 #include "server/version.h"
+#include "server/warm_up.h"
 
 namespace treelight::server {
 namespace {
@@ -75,6 +76,7 @@ int Main(int argc, const char* const* argv) {
   flags.server.device_index = device->index;
   auto builder = MakeDeviceBuilder(flags.device);
   if (!builder.ok()) return Fail(builder.status(), kExitFailure);
+  if (const auto warm = WarmUp(**builder); !warm.ok()) return Fail(warm, kExitFailure);
 
   auto server = Server::Start(flags.server, *std::move(builder));
   if (!server.ok()) return Fail(server.status(), kExitFailure);
