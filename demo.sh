@@ -25,13 +25,13 @@ stop() {
 }
 trap stop EXIT
 address=
-for _ in $(seq 600); do  # kernels are compiled at the first start
+for _ in $(seq 1800); do  # a first start compiles the kernels
   address=$(sed -nE 's/.*listening on ([^ ]+:[0-9]+).*/\1/p' "$log" | head -n 1)
   [ -n "$address" ] && break
   kill -0 "$server" 2>/dev/null || { cat "$log" >&2; exit 1; }
   sleep 0.1
 done
-[ -n "$address" ] || { cat "$log" >&2; echo 'demo: the server did not start within 60 s' >&2; exit 1; }
+[ -n "$address" ] || { cat "$log" >&2; echo 'demo: the server did not start within 180 s' >&2; exit 1; }
 cat "$log"
 
 say 'Picture'

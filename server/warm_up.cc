@@ -1,7 +1,7 @@
 #include "server/warm_up.h"
 
-#include <array>
-#include <cstdint>
+#include <algorithm>
+#include <span>
 #include <vector>
 
 #include "core/gatherer.h"
@@ -21,31 +21,40 @@ Photons MakePhotons(std::size_t count) {
   return photons;
 }
 
+absl::Status WarmUpGathers(const Gatherer& map, const Photons& photons) {
+  const std::size_t query_count =
+      std::min<std::size_t>(photons.size(), 5'000);  // are sorted from 4096 on
+  const std::vector<float> positions(photons.positions.begin(),
+                                     photons.positions.begin() + 3 * query_count);
+  const std::vector<float> normals(positions.size(), 1.0f);
+  for (const GatherOptions& options :
+       {GatherOptions{.k = 2, .radius = 0.5f, .outputs = kOutputDensity},
+        GatherOptions{.k = 0, .radius = 0, .outputs = kOutputCount}}) {
+    const auto answer = map.Gather({positions, normals}, options);
+    if (!answer.ok()) return answer.status();
+  }
+  // One query for the kernels of large k and of lists.
+  const std::span<const float> far{positions.data() + 3, 3};
+  for (const GatherOptions& options :
+       {GatherOptions{.k = kMaxNeighbors, .radius = 0, .outputs = kOutputCount},
+        GatherOptions{.k = 0, .radius = 0, .outputs = kOutputNeighbors}}) {
+    const auto answer = map.Gather({far}, options);
+    if (!answer.ok()) return answer.status();
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status WarmUp(Builder& builder) {
-  // As many photons and queries as have the kernels launched the way that a large map has them.
-  const Photons photons = MakePhotons(100'000);
-  const std::vector<float> positions(photons.positions.begin(),
-                                     photons.positions.begin() + 3 * 5'000);
-  const std::vector<float> normals(positions.size(), 1.0f);
-  constexpr std::array kGathers = {
-      GatherOptions{.k = 2, .outputs = kOutputDensity},
-      GatherOptions{.k = kMaxNeighbors, .radius = 0.5f, .outputs = kOutputCount},
-      GatherOptions{.k = 0, .radius = 0.5f, .outputs = kOutputDensity},
-      GatherOptions{.k = 0, .radius = 1.0f, .outputs = kOutputCount},
-  };
-  for (const MortonBits bits : {MortonBits::k63, MortonBits::k30}) {
-    const auto map = builder.Build(photons, {.morton_bits = bits});
-    if (!map.ok()) return map.status();
-    if (bits != MortonBits::k30) continue;
-    for (const GatherOptions& options : kGathers) {
-      const auto answer = (*map)->Gather({positions, normals}, options);
-      if (!answer.ok()) return answer.status();
+  // PoCL compiles a kernel once for small grids and once for large ones, of 65536 items and up.
+  for (const std::size_t count : {std::size_t{1'000}, std::size_t{1'200'000}}) {
+    const Photons photons = MakePhotons(count);
+    for (const MortonBits bits : {MortonBits::k63, MortonBits::k30}) {
+      const auto map = builder.Build(photons, {.morton_bits = bits});
+      if (!map.ok()) return map.status();
+      if (const auto status = WarmUpGathers(**map, photons); !status.ok()) return status;
     }
-    const auto lists = (*map)->Gather({{positions.data() + 3, 3}},
-                                      {.k = 0, .radius = 1, .outputs = kOutputNeighbors});
-    if (!lists.ok()) return lists.status();
   }
   return absl::OkStatus();
 }
