@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Checks that includes go down only, as docs/design.md draws the house: include_rule.sh [ROOT]. Prints each line that breaks
+# Checks that includes go down only (README.md, The house): include_rule.sh [ROOT]. Prints each line that breaks
 # the rule and exits 1 where there is one.
 set -euo pipefail
 cd "${1:-$(dirname "$0")/..}"

@@ -4,30 +4,30 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# FILE | sed expression | test that must fail
+# FILE @ sed expression @ test that must fail
 mutations='
-bounds.cl         | s/half_size > 0; half_size/half_size > 1; half_size/        | bounds_test
-morton.cl         | s/0x030c30c3u/0x030c30c2u/                                  | morton_test
-morton.cl         | s/0x10c30c30c30c30c3ul/0x10c30c30c30c30c2ul/                | morton_test
-scan.cl           | s/return sum - value;/return sum;/                          | scan_test
-radix_sort.cl     | s/shared, shift + 4)/shared, shift)/                        | radix_sort_test
-split_levels.cl   | s/clz(difference) - 2/clz(difference) - 1/                  | split_levels_test
-ties.cl           | s/127 + 9 - exponent/127 + 8 - exponent/                    | ties_test
-ties.cl           | s/(leaf_count + 1) \/ 2/leaf_count \/ 2/                    | ties_test
-ties.cl           | s/clz(i ^ (i + 1))/clz(i)/                                  | ties_test
-leaves.cl         | s/b - a + 1 > cap/b - a > cap/                              | leaves_test
-hierarchy.cl      | s/count += node->left_count/count += 1/                     | hierarchy_test
-hierarchy.cl      | s/min_id = min(min_id, min_ids\[/min_id = max(min_id, min_ids[/ | hierarchy_test
-statistics.cl     | s/node->right_max/node->left_max/                           | hierarchy_test
-heap.cl           | s/heap\[(child + 1) \* stride\] > largest/heap[(child + 1) * stride] < largest/ | gatherer_test
-traverse.cl       | s/normal.z < 0/normal.z > 0/                                | gatherer_test
-traverse.cl       | s/return fmax(2.0f/return fmax(1.99f/                       | gatherer_test
-traverse.cl       | s/fmax(q - low, high - q)/fmax(low - q, q - high)/          | gatherer_test
-gather_nearest.cl | s/bits < limit ||/bits < limit \&\& false ||/               | gatherer_test
-gather_nearest.cl | s/ || (bits == limit \&\& \*min_id < (uint)worst)//         | gatherer_test
-gather_nearest.cl | s/(uint)worst);$/0xffffffffu);/                             | gatherer_test
-gather_range.cl   | s/if (d2 > r2) continue/if (d2 >= r2) continue/             | gatherer_test
-gather_list.cl    | s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/               | gatherer_test
+bounds.cl         @ s/half_size > 0; half_size/half_size > 1; half_size/ @ bounds_test
+morton.cl         @ s/0x030c30c3u/0x030c30c2u/ @ morton_test
+morton.cl         @ s/0x10c30c30c30c30c3ul/0x10c30c30c30c30c2ul/ @ morton_test
+scan.cl           @ s/return sum - value;/return sum;/ @ scan_test
+radix_sort.cl     @ s/shared, shift + 4)/shared, shift)/ @ radix_sort_test
+split_levels.cl   @ s/clz(difference) - 2/clz(difference) - 1/ @ split_levels_test
+ties.cl           @ s/127 + 9 - exponent/127 + 8 - exponent/ @ ties_test
+ties.cl           @ s/(leaf_count + 1) \/ 2/leaf_count \/ 2/ @ ties_test
+ties.cl           @ s/clz(i ^ (i + 1))/clz(i)/ @ ties_test
+leaves.cl         @ s/b - a + 1 > cap/b - a > cap/ @ leaves_test
+hierarchy.cl      @ s/count += node->left_count/count += 1/ @ hierarchy_test
+hierarchy.cl      @ s/min_id = min(min_id, min_ids\[/min_id = max(min_id, min_ids[/ @ hierarchy_test
+statistics.cl     @ s/node->right_max/node->left_max/ @ hierarchy_test
+heap.cl           @ s/heap\[(child + 1) \* stride\] > largest/heap[(child + 1) * stride] < largest/ @ gatherer_test
+traverse.cl       @ s/normal.z < 0/normal.z > 0/ @ gatherer_test
+traverse.cl       @ s/return fmax(2.0f/return fmax(1.99f/ @ gatherer_test
+traverse.cl       @ s/fmax(q - low, high - q)/fmax(low - q, q - high)/ @ gatherer_test
+gather_nearest.cl @ s/bits < limit ||/bits < limit \&\& false ||/ @ gatherer_test
+gather_nearest.cl @ s/ || (bits == limit \&\& \*min_id < (uint)worst)// @ gatherer_test
+gather_nearest.cl @ s/(uint)worst);$/0xffffffffu);/ @ gatherer_test
+gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_test
+gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_test
 '
 
 copy=build-mutations/source
@@ -35,7 +35,7 @@ mkdir -p "$copy"
 git ls-files -z | tar --null -T - -cf - | tar -C "$copy" -xf -
 cmake -S "$copy" -B build-mutations/build -G Ninja >build-mutations/configure.log
 survivors=0
-while IFS='|' read -r file expression test; do
+while IFS='@' read -r file expression test; do
   file=$(echo "$file" | xargs) test=$(echo "$test" | xargs)
   [ -n "$file" ] || continue
   expression=$(sed 's/^ *//; s/ *$//' <<<"$expression")

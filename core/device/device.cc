@@ -82,9 +82,9 @@ FoundDevice Choose(const DeviceOptions& options) {
   const std::string& wanted = options.device;
   const auto found = FindDevices();
   if (found.empty()) {
-    throw StatusError(
-        absl::NotFoundError("no OpenCL device: install a driver, or pocl-opencl-icd for the CPU; "
-                            "`clinfo -l` lists what is seen"));
+    throw StatusError(absl::NotFoundError(
+        "no OpenCL device: install a driver, or pocl-opencl-icd for the CPU, which needs a "
+        "cache folder that it can write (--cache-dir, else HOME or POCL_CACHE_DIR)"));
   }
   if (wanted.empty()) return found[0];
   std::size_t index = 0;

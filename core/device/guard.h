@@ -2,6 +2,7 @@
 #define TREELIGHT_CORE_DEVICE_GUARD_H_
 
 #include <exception>
+#include <functional>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -23,12 +24,17 @@ class StatusError : public std::runtime_error {
   absl::Status status_;
 };
 
+/// Throws StatusError, CANCELLED, where `cancelled` says so; an empty one never does.
+inline void ThrowIfCancelled(const std::function<bool()>& cancelled) {
+  if (cancelled && cancelled()) throw StatusError(absl::CancelledError("cancelled"));
+}
+
 /// Translates an OpenCL failure: out of memory is RESOURCE_EXHAUSTED, anything else INTERNAL with
 /// call and code.
 absl::Status ToStatus(const cl::Error& error);
 
 /// Calls `body`, which returns absl::Status or absl::StatusOr, and turns what it throws into a
-/// status: the only catch of core/.
+/// status. What core/ catches elsewhere is the expected "no" of a single OpenCL call.
 template <typename Body>
 std::invoke_result_t<Body> Guard(Body&& body) {
   try {

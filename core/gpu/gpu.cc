@@ -8,7 +8,9 @@ Gpu OpenGpu(const DeviceOptions& options) {
   Gpu gpu;
   gpu.device = Device::Open(options);
   Device& device = *gpu.device;
-  const std::string group = fmt::format("-DGROUP_SIZE={}", kGroupSize);
+  const std::string group =
+      fmt::format("-DGROUP_SIZE={} -DSCAN_ITEMS={} -DSORT_ITEMS={} -DTIE_ITEMS={}", kGroupSize,
+                  kScanItems, kSortItems, kTieItems);
   gpu.stages = device.Program({"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl",
                                "leaves.cl", "hierarchy.cl", "statistics.cl"},
                               group);

@@ -6,11 +6,15 @@
 #include <type_traits>
 
 #include "core/device/device.h"
+#include "core/device/guard.h"
 
 namespace treelight {
 
 /// Work-items of a work-group of every kernel but the gathers; the kernels' GROUP_SIZE.
 inline constexpr std::size_t kGroupSize = 256;
+
+/// Consecutive items of one work-item; the kernels' SCAN_ITEMS, SORT_ITEMS and TIE_ITEMS.
+inline constexpr std::size_t kScanItems = 8, kSortItems = 8, kTieItems = 16;
 
 /// A device with the compiled kernels of all stages. Cheap to copy.
 struct Gpu {

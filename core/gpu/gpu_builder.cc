@@ -20,10 +20,6 @@
 namespace treelight {
 namespace {
 
-void ThrowIfCancelled(const CancelCheck& cancelled) {
-  if (cancelled && cancelled()) throw StatusError(absl::CancelledError("build cancelled"));
-}
-
 /// RESOURCE_EXHAUSTED where a map of these photons cannot lie on the device; names the limit.
 absl::Status CheckFits(const DeviceInfo& device, const Photons& photons,
                        const BuildOptions& options) {

@@ -10,13 +10,14 @@
 #include "core/device/guard.h"
 #include "core/device/stage_timer.h"
 #include "core/gpu/morton.h"
+#include "core/gpu/paced_launches.h"
 #include "core/gpu/radix_sort.h"
 #include "fmt/format.h"
 
 namespace treelight {
 namespace {
 
-// Queries of one launch at most, so that a cancelled call stops soon.
+// Queries of one launch at most.
 constexpr std::size_t kQueriesPerLaunchGpu = 1 << 18;
 constexpr std::size_t kQueriesPerLaunchCpu = 1 << 14;
 // From this many queries on, sorting them pays.
@@ -38,10 +39,6 @@ struct NeighborLists {
   std::vector<std::uint32_t> ids;
   std::vector<float> squared_distances;
 };
-
-void ThrowIfCancelled(const CancelCheck& cancelled) {
-  if (cancelled && cancelled()) throw StatusError(absl::CancelledError("gather cancelled"));
-}
 
 class GpuGatherer : public Gatherer {
  public:
@@ -204,18 +201,16 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
   }
   per_launch = std::min(per_launch, (count + group - 1) / group * group);
   const auto launch = [&](const cl::Program& program, const auto& heaps) {
-    for (std::size_t first = 0; first < count; first += per_launch) {
-      ThrowIfCancelled(cancelled);
+    PacedLaunches(gpu, count, per_launch, cancelled, [&](std::size_t first, std::size_t part) {
       params.first = static_cast<cl_uint>(first);
-      params.count = static_cast<cl_uint>(std::min(per_launch, count - first));
-      Launch(gpu, program, "gather_nearest", params.count, group, map_.tree.nodes.get(),
+      params.count = static_cast<cl_uint>(part);
+      Launch(gpu, program, "gather_nearest", part, group, map_.tree.nodes.get(),
              map_.tree.min_ids.get(), map_.tree.photons.get(), map_.powers.get(),
              map_.directions.get(), batch.positions.get(), batch.order.get(), batch.radii_in.get(),
              batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
              batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get(),
              batch.visited.get(), batch.tested.get(), heaps);
-      if (cancelled) gpu.queue().finish();
-    }
+    });
   };
   if (fits) {
     launch(gpu.gather, cl::Local(local_bytes));
@@ -227,16 +222,16 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                               const CancelCheck& cancelled) const {
   const Gpu& gpu = map_.gpu;
-  for (std::size_t first = 0; first < count; first += QueriesPerLaunch()) {
-    ThrowIfCancelled(cancelled);
-    params.first = static_cast<cl_uint>(first);
-    params.count = static_cast<cl_uint>(std::min(QueriesPerLaunch(), count - first));
-    Launch(gpu, gpu.gather, "gather_range", params.count, GatherGroupSize(), map_.tree.nodes.get(),
-           map_.tree.photons.get(), map_.powers.get(), map_.directions.get(), batch.positions.get(),
-           batch.order.get(), batch.radii_in.get(), batch.normals.get(), params, batch.counts.get(),
-           batch.radii.get(), batch.densities.get(), batch.visited.get(), batch.tested.get());
-    if (cancelled) gpu.queue().finish();
-  }
+  PacedLaunches(
+      gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
+        params.first = static_cast<cl_uint>(first);
+        params.count = static_cast<cl_uint>(part);
+        Launch(gpu, gpu.gather, "gather_range", part, GatherGroupSize(), map_.tree.nodes.get(),
+               map_.tree.photons.get(), map_.powers.get(), map_.directions.get(),
+               batch.positions.get(), batch.order.get(), batch.radii_in.get(), batch.normals.get(),
+               params, batch.counts.get(), batch.radii.get(), batch.densities.get(),
+               batch.visited.get(), batch.tested.get());
+      });
 }
 
 NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params,
@@ -265,15 +260,14 @@ NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams p
   const std::vector<cl_ulong> firsts(lists.offsets.begin(), lists.offsets.end());
   const auto offsets = MakeBuffer<cl_ulong>(gpu.context(), gpu.queue(), firsts);
   const Buffer<cl_ulong> candidates(gpu.context(), total);
-  for (std::size_t first = 0; first < count; first += QueriesPerLaunch()) {
-    ThrowIfCancelled(cancelled);
-    params.first = static_cast<cl_uint>(first);
-    params.count = static_cast<cl_uint>(std::min(QueriesPerLaunch(), count - first));
-    Launch(gpu, gpu.gather_global, "gather_list", params.count, GatherGroupSize(),
-           map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(), batch.order.get(),
-           batch.radii_in.get(), params, offsets.get(), candidates.get());
-    if (cancelled) gpu.queue().finish();
-  }
+  PacedLaunches(
+      gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
+        params.first = static_cast<cl_uint>(first);
+        params.count = static_cast<cl_uint>(part);
+        Launch(gpu, gpu.gather_global, "gather_list", part, GatherGroupSize(),
+               map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(),
+               batch.order.get(), batch.radii_in.get(), params, offsets.get(), candidates.get());
+      });
   const std::vector<cl_ulong> found = candidates.Read(gpu.queue());
   lists.ids.resize(total);
   lists.squared_distances.resize(total);

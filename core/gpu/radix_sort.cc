@@ -9,8 +9,8 @@ namespace treelight {
 
 template <typename Key>
 void RadixSort(const Gpu& gpu, KeyValues<Key>& pairs, std::size_t count, unsigned key_bits) {
-  constexpr std::size_t kTile = kGroupSize * 8;  // SORT_TILE
-  constexpr std::size_t kDigits = 256;           // SORT_DIGITS
+  constexpr std::size_t kTile = kGroupSize * kSortItems;
+  constexpr std::size_t kDigits = 256;  // SORT_DIGITS
   if (count < 2) return;
   const cl::Program& program = std::is_same_v<Key, cl_ulong> ? gpu.sort_64 : gpu.sort_32;
   const std::size_t tile_count = (count + kTile - 1) / kTile;

@@ -3,7 +3,7 @@
 namespace treelight {
 
 void ExclusiveScan(const Gpu& gpu, const Buffer<cl_uint>& values, std::size_t count) {
-  constexpr std::size_t kTile = kGroupSize * 8;  // SCAN_TILE
+  constexpr std::size_t kTile = kGroupSize * kScanItems;
   if (count == 0) return;
   const std::size_t tile_count = (count + kTile - 1) / kTile;
   const Buffer<cl_uint> sums(gpu.context(), tile_count);

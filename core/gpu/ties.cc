@@ -49,12 +49,11 @@ TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_
 
   // Compute the box of each run.
   const auto m = static_cast<cl_uint>(tied.count);
-  constexpr std::size_t kItems = 16;  // TIE_ITEMS
   tied.run_firsts = Buffer<cl_uint>(gpu.context(), tied.run_count + 1);
   tied.boxes = Buffer<cl_uint>(gpu.context(), 6 * tied.run_count);
   Launch(gpu, gpu.stages, "tie_runs", tied.count, kGroupSize, tied.runs.get(), m,
          tied.run_firsts.get(), tied.boxes.get());
-  Launch(gpu, gpu.stages, "tie_boxes", (tied.count + kItems - 1) / kItems, kGroupSize,
+  Launch(gpu, gpu.stages, "tie_boxes", (tied.count + kTieItems - 1) / kTieItems, kGroupSize,
          positions.get(), ids.get(), tied.slots.get(), tied.runs.get(), m, tied.boxes.get());
   return tied;
 }
@@ -97,7 +96,7 @@ TieReport BreakTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t 
   constexpr unsigned kLastCodeLevel = 93;  // depth left for medians and places: 35
   TieReport report;
   for (unsigned level = code_bits;;) {
-    if (cancelled && cancelled()) throw StatusError(absl::CancelledError("build cancelled"));
+    ThrowIfCancelled(cancelled);
     const TiedRuns tied = FindTiedRuns(gpu, positions, count, max_leaf_size, ids, levels);
     if (report.code_rounds + report.median_rounds == 0) report.tied_photons = tied.count;
     if (tied.count == 0) break;

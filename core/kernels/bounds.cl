@@ -1,5 +1,5 @@
-// Tight box of all photons, in two launches: each work-group reduces a part, then one work-group reduces the parts.
-// Minimum and maximum do not depend on the order, so neither does the box.
+// Tight box of all photons, in two launches: each work-group reduces a part, then one work-group
+// reduces the parts. Minimum and maximum do not depend on the order, so neither does the box.
 
 #ifndef GROUP_SIZE
 #define GROUP_SIZE 256
@@ -25,7 +25,8 @@ void reduce_box(local float* shared_min, local float* shared_max, float3* low, f
 /// Reduces the photons to one box per work-group. 1D range of GROUP_SIZE * any.
 /// @param positions  [3n] x, y, z of each photon, scene units
 /// @param boxes      [6 * groups] out: minimum, maximum
-kernel void bounds_of_photons(global const float* restrict positions, const uint n, global float* restrict boxes) {
+kernel void bounds_of_photons(global const float* restrict positions, const uint n,
+                              global float* restrict boxes) {
   local float shared_min[3 * GROUP_SIZE], shared_max[3 * GROUP_SIZE];
   float3 low = INFINITY, high = -INFINITY;
   for (uint i = get_global_id(0); i < n; i += get_global_size(0)) {
@@ -43,7 +44,8 @@ kernel void bounds_of_photons(global const float* restrict positions, const uint
 /// Reduces boxes to one. One work-group of GROUP_SIZE.
 /// @param boxes   [6 * count] minimum, maximum
 /// @param bounds  [6] out: minimum, maximum, scene units
-kernel void bounds_of_boxes(global const float* restrict boxes, const uint count, global float* restrict bounds) {
+kernel void bounds_of_boxes(global const float* restrict boxes, const uint count,
+                            global float* restrict bounds) {
   local float shared_min[3 * GROUP_SIZE], shared_max[3 * GROUP_SIZE];
   float3 low = INFINITY, high = -INFINITY;
   for (uint i = get_local_id(0); i < count; i += GROUP_SIZE) {

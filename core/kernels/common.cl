@@ -3,7 +3,8 @@
 // Distances must have the same bits on every device, so a*b+c stays two rounded operations.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Position of photon `i`, scene units. Adding zero turns -0 into +0, whose order fmin and fmax leave open.
+// Position of photon `i`, scene units. Adding zero turns -0 into +0, whose order fmin and fmax
+// leave open.
 float3 load_position(global const float* restrict positions, const uint i) {
   return vload3(i, positions) + 0.0f;
 }

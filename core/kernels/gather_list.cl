@@ -1,10 +1,12 @@
-// Lists of all photons within a radius, for queries whose counts are known. Uses traverse.cl and heap.cl, whose heaps
-// are in global memory.
+// Lists of all photons within a radius, for queries whose counts are known. Uses traverse.cl and
+// heap.cl, whose heaps are in global memory.
 
-/// Writes the candidates of each query, nearest first. One work-item per query, 1D range; arguments as gather_nearest.
+/// Writes the candidates of each query, nearest first. One work-item per query, 1D range; arguments
+/// as gather_nearest.
 /// @param offsets     [m] where the list of each query begins
 /// @param candidates  [sum of counts] out: squared distance's bits << 32 | photon index
-kernel void gather_list(global const Node* restrict nodes, global const LeafPhoton* restrict photons,
+kernel void gather_list(global const Node* restrict nodes,
+                        global const LeafPhoton* restrict photons,
                         global const float* restrict positions, global const uint* restrict order,
                         global const float* restrict radii_in, const GatherParams params,
                         global const ulong* restrict offsets, global ulong* restrict candidates) {
@@ -17,8 +19,8 @@ kernel void gather_list(global const Node* restrict nodes, global const LeafPhot
   uint stack[kMaxDepth];
   uint depth = 0;
   uint link = params.root.link, count = params.root.count;
-  bool more =
-      count > 0 && box_squared_distance(q, vload3(0, params.root.min), vload3(0, params.root.max)) <= r2;
+  bool more = count > 0 &&
+              box_squared_distance(q, vload3(0, params.root.min), vload3(0, params.root.max)) <= r2;
   while (more) {
     bool descend = false;
     if ((link & kLeafBit) != 0) {

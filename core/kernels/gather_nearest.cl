@@ -1,5 +1,5 @@
-// The k nearest photons within a radius: depth-first, the nearer child first, the candidates in a heap (Jensen 2001,
-// section 6.1.3), ties by photon index. Uses traverse.cl and heap.cl.
+// The k nearest photons within a radius: depth-first, the nearer child first, the candidates in a
+// heap (Jensen 2001, section 6.1.3), ties by photon index. Uses traverse.cl and heap.cl.
 
 #if HEAPS_GLOBAL
 #define HEAP_ITEM get_global_id(0)
@@ -9,7 +9,8 @@
 #define HEAP_STRIDE get_local_size(0)
 #endif
 
-// Whether a subtree can hold a candidate below `worst`: its best would be (d2, smallest index below it).
+// Whether a subtree can hold a candidate below `worst`: its best would be (d2, smallest index below
+// it).
 bool may_hold(const float d2, const ulong worst, global const uint* restrict min_id) {
   const uint bits = as_uint(d2), limit = (uint)(worst >> 32);
   return bits < limit || (bits == limit && *min_id < (uint)worst);
@@ -25,12 +26,15 @@ bool may_hold(const float d2, const ulong worst, global const uint* restrict min
 /// @param order         [m] queries in the order of work; read where has_order
 /// @param radii_in      [m] scene units; read where has_radii
 /// @param normals       [3m] read where has_normals
-/// @param counts, radii, densities, visited_out, tested_out  [m], [m], [3m], [m], [m] out, where asked for
+/// @param counts, radii, densities, visited_out, tested_out  [m], [m], [3m], [m], [m] out, where
+/// asked for
 /// @param neighbor_ids, neighbor_d2  [m * k] out, where asked for: nearest first, padded
 /// @param heaps         space of k candidates for each work-item, interleaved
 kernel void gather_nearest(global const Node* restrict nodes, global const uint* restrict min_ids,
-                           global const LeafPhoton* restrict photons, global const float* restrict powers,
-                           global const short2* restrict directions, global const float* restrict positions,
+                           global const LeafPhoton* restrict photons,
+                           global const float* restrict powers,
+                           global const short2* restrict directions,
+                           global const float* restrict positions,
                            global const uint* restrict order, global const float* restrict radii_in,
                            global const float* restrict normals, const GatherParams params,
                            global uint* restrict counts, global float* restrict radii,
@@ -44,14 +48,15 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
   HEAP_SPACE ulong* heap = heaps + HEAP_ITEM;
   const uint stride = HEAP_STRIDE;
 
-  // A candidate must be below `worst`: at first anything within the radius, then what beats the k-th.
+  // A candidate must be below `worst`: at first anything within the radius, then what beats the
+  // k-th.
   ulong worst = (ulong)(as_uint(radius * radius) + 1) << 32;
   uint size = 0, visited = 0, tested = 0;
   ulong stack[kMaxDepth];
   uint depth = 0;
   uint link = params.root.link, count = params.root.count;
-  bool more = count > 0 &&
-              box_squared_distance(q, vload3(0, params.root.min), vload3(0, params.root.max)) <= radius * radius;
+  bool more = count > 0 && box_squared_distance(q, vload3(0, params.root.min),
+                                                vload3(0, params.root.max)) <= radius * radius;
   while (more) {
     ++visited;
     bool descend = false;
@@ -79,7 +84,8 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
       const bool take_right = may_hold(right, worst, min_ids + slot + 1);
       const bool left_first = take_left && (!take_right || left < right ||
                                             (left == right && min_ids[slot] < min_ids[slot + 1]));
-      if (take_left && take_right) stack[depth++] = left_first ? pending(right, slot + 1) : pending(left, slot);
+      if (take_left && take_right)
+        stack[depth++] = left_first ? pending(right, slot + 1) : pending(left, slot);
       descend = take_left || take_right;
       link = left_first ? children.links.x : children.links.y;
       count = left_first ? children.links.z : children.links.w;
@@ -110,7 +116,8 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
     float3 sum = 0.0f;
     for (uint i = 0; i < size; ++i) {
       const ulong value = heap[i * stride];
-      add_density(&sum, params, query, (uint)value, as_float((uint)(value >> 32)), r2, powers, directions, normals);
+      add_density(&sum, params, query, (uint)value, as_float((uint)(value >> 32)), r2, powers,
+                  directions, normals);
     }
     vstore3(finish_density(sum, r2), query, densities);
   }

@@ -1,12 +1,16 @@
 // All photons within a radius: counts and densities, without a list. Uses traverse.cl.
 
 /// Gathers. One work-item per query, 1D range; arguments as gather_nearest, without neighbours.
-/// A subtree that lies within the radius whole is counted by its size where no density is asked for.
-kernel void gather_range(global const Node* restrict nodes, global const LeafPhoton* restrict photons,
-                         global const float* restrict powers, global const short2* restrict directions,
+/// A subtree that lies within the radius whole is counted by its size where no density is asked
+/// for.
+kernel void gather_range(global const Node* restrict nodes,
+                         global const LeafPhoton* restrict photons,
+                         global const float* restrict powers,
+                         global const short2* restrict directions,
                          global const float* restrict positions, global const uint* restrict order,
-                         global const float* restrict radii_in, global const float* restrict normals,
-                         const GatherParams params, global uint* restrict counts, global float* restrict radii,
+                         global const float* restrict radii_in,
+                         global const float* restrict normals, const GatherParams params,
+                         global uint* restrict counts, global float* restrict radii,
                          global float* restrict densities, global uint* restrict visited_out,
                          global uint* restrict tested_out) {
   if (get_global_id(0) >= params.count) return;
@@ -19,8 +23,8 @@ kernel void gather_range(global const Node* restrict nodes, global const LeafPho
   uint stack[kMaxDepth];
   uint depth = 0;
   uint link = params.root.link, count = params.root.count;
-  bool more =
-      count > 0 && box_squared_distance(q, vload3(0, params.root.min), vload3(0, params.root.max)) <= r2;
+  bool more = count > 0 &&
+              box_squared_distance(q, vload3(0, params.root.min), vload3(0, params.root.max)) <= r2;
   while (more) {
     ++visited;
     bool descend = false;
@@ -31,17 +35,20 @@ kernel void gather_range(global const Node* restrict nodes, global const LeafPho
         const float d2 = photon_squared_distance(q, photon);
         if (d2 > r2) continue;
         ++found;
-        if (sums) add_density(&sum, params, query, as_uint(photon.w), d2, r2, powers, directions, normals);
+        if (sums)
+          add_density(&sum, params, query, as_uint(photon.w), d2, r2, powers, directions, normals);
       }
     } else {
       const Children children = load_children(nodes, link);
       bool take_left = box_squared_distance(q, children.left_min, children.left_max) <= r2;
       bool take_right = box_squared_distance(q, children.right_min, children.right_max) <= r2;
-      if (!sums && take_left && far_squared_distance(q, children.left_min, children.left_max) <= r2) {
+      if (!sums && take_left &&
+          far_squared_distance(q, children.left_min, children.left_max) <= r2) {
         found += children.links.z;
         take_left = false;
       }
-      if (!sums && take_right && far_squared_distance(q, children.right_min, children.right_max) <= r2) {
+      if (!sums && take_right &&
+          far_squared_distance(q, children.right_min, children.right_max) <= r2) {
         found += children.links.w;
         take_right = false;
       }

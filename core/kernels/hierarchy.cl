@@ -1,13 +1,14 @@
-// The radix tree over the leaves (Karras 2012), with boxes, counts and smallest photon indices, all bottom-up in one
-// launch (Apetrei 2014): a subtree finds its parent by comparing the levels of its two boundaries; the second of two
-// siblings to come carries on.
+// The radix tree over the leaves (Karras 2012), with boxes, counts and smallest photon indices, all
+// bottom-up in one launch (Apetrei 2014): a subtree finds its parent by comparing the levels of its
+// two boundaries; the second of two siblings to come carries on.
 
 #if __OPENCL_C_VERSION__ >= 300
 typedef atomic_uint Meeting;
 #define EXCHANGE(meeting, value) \
   atomic_exchange_explicit(meeting, value, memory_order_acq_rel, memory_scope_device)
 #else
-// OpenCL C 1.2 orders memory within a work-group only. Its fence and atomic are fences of the device on x86 (PoCL).
+// OpenCL C 1.2 orders memory within a work-group only. Its fence and atomic are fences of the
+// device on x86 (PoCL).
 typedef uint Meeting;
 uint fenced_exchange(volatile global uint* meeting, const uint value) {
   mem_fence(CLK_GLOBAL_MEM_FENCE);
@@ -27,13 +28,14 @@ uint fenced_exchange(volatile global uint* meeting, const uint value) {
 /// @param meetings  [leaf_count - 1] in: NOBODY; used up
 /// @param nodes     [leaf_count - 1] out: node i separates leaves i and i + 1
 /// @param min_ids   [2 * (leaf_count - 1)] out: smallest photon index below each left, right child
-/// @param heights   [2 * (leaf_count - 1)] out: edges from each left, right child to the deepest leaf below it
+/// @param heights   [2 * (leaf_count - 1)] out: edges from each left, right child to the deepest
+/// leaf below it
 /// @param climbs    [leaf_count] out: leaves below each node that this leaf's item finished, summed
 /// @param root      [1] out
-kernel void hierarchy(global const uchar* restrict levels, global const uint* restrict firsts, const uint leaf_count,
-                      global const LeafPhoton* restrict photons, volatile global Meeting* meetings,
-                      global Node* nodes, global uint* min_ids, global uchar* heights, global ulong* climbs,
-                      global Root* root) {
+kernel void hierarchy(global const uchar* restrict levels, global const uint* restrict firsts,
+                      const uint leaf_count, global const LeafPhoton* restrict photons,
+                      volatile global Meeting* meetings, global Node* nodes, global uint* min_ids,
+                      global uchar* heights, global ulong* climbs, global Root* root) {
   uint a = get_global_id(0), b = a;  // leaves of the subtree
   if (a >= leaf_count) return;
   uint link = kLeafBit | firsts[a];
@@ -67,8 +69,8 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
     min_ids[2 * parent + is_right] = min_id;
     heights[2 * parent + is_right] = (uchar)height;
     climbs[leaf] = climb;
-    // This item wrote one half of the node and releases it; the second to come acquires the other's half. The value
-    // exchanged tells how far the other's leaves reach.
+    // This item wrote one half of the node and releases it; the second to come acquires the other's
+    // half. The value exchanged tells how far the other's leaves reach.
     const uint end = EXCHANGE(&meetings[parent], is_right ? b : a);
     if (end == NOBODY) return;
     if (is_right) {

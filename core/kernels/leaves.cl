@@ -1,12 +1,14 @@
 // Leaves: the maximal subtrees of at most B photons, and the photons in leaf order.
 
-// Extends the subtree [*first, *last] to its parent, unless that has more than `cap` photons. False: it has, or there
-// is none.
-bool climb(global const uchar* restrict levels, const uint n, const uint cap, uint* first, uint* last) {
+// Extends the subtree [*first, *last] to its parent, unless that has more than `cap` photons.
+// False: it has, or there is none.
+bool climb(global const uchar* restrict levels, const uint n, const uint cap, uint* first,
+           uint* last) {
   const int left = *first > 0 ? (int)levels[*first - 1] : -1;
   const int right = *last + 1 < n ? (int)levels[*last] : -1;
   uint a = *first, b = *last;
-  // The sibling lies behind the boundary with the larger level and reaches to the next boundary with a smaller one.
+  // The sibling lies behind the boundary with the larger level and reaches to the next boundary
+  // with a smaller one.
   if (left > right) {
     for (--a; a > 0 && levels[a - 1] > left && b - a < cap; --a) {
     }
@@ -39,7 +41,8 @@ kernel void leaf_flags(global const uchar* restrict levels, const uint n, const 
 /// Lists the first photons of the leaves. One work-item per photon and one more.
 /// @param places       [n + 1] exclusive sum of the flags
 /// @param leaf_firsts  [leaf_count + 1] out: first photon of each leaf, then n
-kernel void leaf_firsts(global const uint* restrict places, const uint n, global uint* restrict firsts) {
+kernel void leaf_firsts(global const uint* restrict places, const uint n,
+                        global uint* restrict firsts) {
   const uint i = get_global_id(0);
   if (i > n) return;
   if (i == n || places[i] != places[i + 1]) firsts[places[i]] = i;
@@ -48,8 +51,8 @@ kernel void leaf_firsts(global const uint* restrict places, const uint n, global
 /// Copies the photons to leaf order. One work-item per photon.
 /// @param ids      [n] photon at each place
 /// @param photons  [n] out
-kernel void leaf_photons(global const float* restrict positions, global const uint* restrict ids, const uint n,
-                         global LeafPhoton* restrict photons) {
+kernel void leaf_photons(global const float* restrict positions, global const uint* restrict ids,
+                         const uint n, global LeafPhoton* restrict photons) {
   const uint i = get_global_id(0);
   if (i >= n) return;
   const float3 p = load_position(positions, ids[i]);

@@ -1,5 +1,5 @@
-// Morton codes of positions: the cell numbers of the three axes interleaved, x in the highest bit (Morton 1966;
-// Karras 2012, section 4).
+// Morton codes of positions: the cell numbers of the three axes interleaved, x in the highest bit
+// (Morton 1966; Karras 2012, section 4).
 
 // Spreads the lowest 10 bits of `v` to every third bit.
 uint spread_10(uint v) {
@@ -18,8 +18,9 @@ ulong spread_21(ulong v) {
   return (v | (v << 2)) & 0x1249249249249249ul;
 }
 
-// Cell of `p` on `axis`, in [0, last]. Monotonic in p, so cells never cross: rounding keeps order in every step. The
-// comparison is made before the conversion, which is undefined for numbers too large.
+// Cell of `p` on `axis`, in [0, last]. Monotonic in p, so cells never cross: rounding keeps order
+// in every step. The comparison is made before the conversion, which is undefined for numbers too
+// large.
 uint morton_cell(const float p, const MortonGrid grid, const uint axis, const uint last) {
   const float cell = (p - grid.min[axis]) * grid.prescale * grid.scale[axis];
   return cell >= (float)last ? last : (uint)fmax(cell, 0.0f);
@@ -27,7 +28,8 @@ uint morton_cell(const float p, const MortonGrid grid, const uint axis, const ui
 
 // 30-bit code of `p` in `grid`.
 uint morton_code_30(const float3 p, const MortonGrid grid) {
-  return (spread_10(morton_cell(p.x, grid, 0, 1023)) << 2) | (spread_10(morton_cell(p.y, grid, 1, 1023)) << 1) |
+  return (spread_10(morton_cell(p.x, grid, 0, 1023)) << 2) |
+         (spread_10(morton_cell(p.y, grid, 1, 1023)) << 1) |
          spread_10(morton_cell(p.z, grid, 2, 1023));
 }
 
@@ -36,22 +38,24 @@ uint morton_code_30(const float3 p, const MortonGrid grid) {
 /// @param positions  [3n] x, y, z of each photon, scene units
 /// @param codes      [n] out: code of each photon
 /// @param ids        [n] out: index of each photon, 0, 1, 2, ...
-kernel void morton_codes_30(global const float* restrict positions, const MortonGrid grid, const uint n,
-                            global uint* restrict codes, global uint* restrict ids) {
+kernel void morton_codes_30(global const float* restrict positions, const MortonGrid grid,
+                            const uint n, global uint* restrict codes, global uint* restrict ids) {
   const uint i = get_global_id(0);
   if (i >= n) return;
   codes[i] = morton_code_30(load_position(positions, i), grid);
   ids[i] = i;
 }
 
-/// Computes the 63-bit Morton code of every photon and numbers the photons; else as morton_codes_30.
-kernel void morton_codes_63(global const float* restrict positions, const MortonGrid grid, const uint n,
-                            global ulong* restrict codes, global uint* restrict ids) {
+/// Computes the 63-bit Morton code of every photon and numbers the photons; else as
+/// morton_codes_30.
+kernel void morton_codes_63(global const float* restrict positions, const MortonGrid grid,
+                            const uint n, global ulong* restrict codes, global uint* restrict ids) {
   const uint i = get_global_id(0);
   if (i >= n) return;
   const float3 p = load_position(positions, i);
   const uint last = (1u << 21) - 1;
-  codes[i] = (spread_21(morton_cell(p.x, grid, 0, last)) << 2) | (spread_21(morton_cell(p.y, grid, 1, last)) << 1) |
+  codes[i] = (spread_21(morton_cell(p.x, grid, 0, last)) << 2) |
+             (spread_21(morton_cell(p.y, grid, 1, last)) << 1) |
              spread_21(morton_cell(p.z, grid, 2, last));
   ids[i] = i;
 }

@@ -1,18 +1,21 @@
-// Stable least-significant-digit radix sort of (key, value) pairs, 8 bits a pass (Satish, Harris and Garland 2009):
-// count the digits of each tile, scan the counts digit by digit, sort each tile by its digit in local memory and write
-// the runs of equal digits out. Uses scan.cl.
-// -DKEY_BITS: 32 or 64.
+// Stable least-significant-digit radix sort of (key, value) pairs, 8 bits a pass (Satish, Harris
+// and Garland 2009): count the digits of each tile, scan the counts digit by digit, sort each tile
+// by its digit in local memory and write the runs of equal digits out. Uses scan.cl. -DKEY_BITS: 32
+// or 64.
 
 #if KEY_BITS == 64
 typedef ulong Key;
 #else
 typedef uint Key;
 #endif
+#ifndef SORT_ITEMS
 #define SORT_ITEMS 8
+#endif
 #define SORT_TILE (GROUP_SIZE * SORT_ITEMS)
 #define SORT_DIGITS 256  // as many as GROUP_SIZE: item d handles digit d
 
-/// Counts the digits (key >> shift) & 255 of each tile. One work-group of GROUP_SIZE per tile of SORT_TILE.
+/// Counts the digits (key >> shift) & 255 of each tile. One work-group of GROUP_SIZE per tile of
+/// SORT_TILE.
 /// @param counts  [SORT_DIGITS * tiles] out: count of digit d in tile t at d * tiles + t
 kernel void radix_count(global const Key* restrict keys, const uint n, const uint shift,
                         global uint* restrict counts) {
@@ -30,10 +33,10 @@ kernel void radix_count(global const Key* restrict keys, const uint n, const uin
   counts[item * get_num_groups(0) + get_group_id(0)] = bins[item];
 }
 
-// Sorts the tile in local memory by 4 bits of its keys, stably: each item counts the digits of its own consecutive
-// pairs, a scan in order (digit, item) gives each pair its place.
-void sort_tile_by_nibble(local Key* keys, local uint* values, local ushort* counts, local uint* shared,
-                         const uint shift) {
+// Sorts the tile in local memory by 4 bits of its keys, stably: each item counts the digits of its
+// own consecutive pairs, a scan in order (digit, item) gives each pair its place.
+void sort_tile_by_nibble(local Key* keys, local uint* values, local ushort* counts,
+                         local uint* shared, const uint shift) {
   const uint item = get_local_id(0);
   Key own_keys[SORT_ITEMS];
   uint own_values[SORT_ITEMS];
@@ -69,9 +72,9 @@ void sort_tile_by_nibble(local Key* keys, local uint* values, local ushort* coun
 /// @param offsets     [SORT_DIGITS * tiles] exclusive sum of the counts
 /// @param keys_out    [n] out
 /// @param values_out  [n] out
-kernel void radix_scatter(global const Key* restrict keys, global const uint* restrict values, const uint n,
-                          const uint shift, global const uint* restrict offsets, global Key* restrict keys_out,
-                          global uint* restrict values_out) {
+kernel void radix_scatter(global const Key* restrict keys, global const uint* restrict values,
+                          const uint n, const uint shift, global const uint* restrict offsets,
+                          global Key* restrict keys_out, global uint* restrict values_out) {
   local Key tile_keys[SORT_TILE];
   local uint tile_values[SORT_TILE];
   local ushort counts[16 * GROUP_SIZE];
@@ -81,7 +84,8 @@ kernel void radix_scatter(global const Key* restrict keys, global const uint* re
   const uint first = get_group_id(0) * SORT_TILE;
   const uint tile_size = min(n - first, (uint)SORT_TILE);
   for (uint j = item; j < SORT_TILE; j += GROUP_SIZE) {
-    tile_keys[j] = j < tile_size ? keys[first + j] : ~(Key)0;  // surplus sorts behind everything, being last
+    tile_keys[j] =
+        j < tile_size ? keys[first + j] : ~(Key)0;  // surplus sorts behind everything, being last
     tile_values[j] = j < tile_size ? values[first + j] : 0;
   }
   // The tile is loaded.

@@ -1,13 +1,16 @@
-// Exclusive prefix sum of unsigned numbers in tiles (Blelloch 1990): tiles are scanned alone, their sums are scanned
-// in turn, and added.
+// Exclusive prefix sum of unsigned numbers in tiles (Blelloch 1990): tiles are scanned alone, their
+// sums are scanned in turn, and added.
 
 #ifndef GROUP_SIZE
 #define GROUP_SIZE 256
 #endif
+#ifndef SCAN_ITEMS
 #define SCAN_ITEMS 8
+#endif
 #define SCAN_TILE (GROUP_SIZE * SCAN_ITEMS)
 
-// Exclusive prefix sum of one number per item of a work-group (Hillis and Steele 1986). `total`: sum of all.
+// Exclusive prefix sum of one number per item of a work-group (Hillis and Steele 1986). `total`:
+// sum of all.
 uint scan_group(local uint* shared, const uint value, uint* total) {
   const uint item = get_local_id(0);
   uint sum = value;
@@ -56,5 +59,6 @@ kernel void scan_tiles(global uint* restrict values, const uint n, global uint* 
 kernel void scan_add(global uint* restrict values, const uint n, global const uint* restrict sums) {
   const uint first = get_group_id(0) * SCAN_TILE;
   const uint sum = sums[get_group_id(0)];
-  for (uint j = get_local_id(0); j < SCAN_TILE && first + j < n; j += GROUP_SIZE) values[first + j] += sum;
+  for (uint j = get_local_id(0); j < SCAN_TILE && first + j < n; j += GROUP_SIZE)
+    values[first + j] += sum;
 }

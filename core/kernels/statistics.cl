@@ -1,4 +1,5 @@
-// Sums over a tree that tell its quality, in one launch: each work-group writes its part, the host adds the parts.
+// Sums over a tree that tell its quality, in one launch: each work-group writes its part, the host
+// adds the parts.
 
 #ifndef GROUP_SIZE
 #define GROUP_SIZE 256
@@ -8,7 +9,8 @@ float relative_area(const float3 extent) {
   return 2.0f * (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x);
 }
 
-/// Sums the surface areas of all children and the depths of all leaves. 1D range of GROUP_SIZE * any.
+/// Sums the surface areas of all children and the depths of all leaves. 1D range of GROUP_SIZE *
+/// any.
 /// @param scale   about 1 / longest edge of the root, so that areas neither overflow nor vanish
 /// @param climbs  [node_count + 1] of hierarchy.cl: their sum is the sum of the leaves' depths
 /// @param areas   [groups] out: in an order of addition that depends on the number of groups alone

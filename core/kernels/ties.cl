@@ -1,9 +1,10 @@
-// Runs of equal codes longer than a leaf, rebuilt by position. Split by index they would become overlapping subtrees
-// that a search must visit all. Each run gets a finer code within its own box; what is still tied after the rounds
-// that the depth allows is split at medians of the widest axis; photons at one position are split by place.
-// Uses morton.cl.
+// Runs of equal codes longer than a leaf, rebuilt by position. Split by index they would become
+// overlapping subtrees that a search must visit all. Each run gets a finer code within its own box;
+// what is still tied after the rounds that the depth allows is split at medians of the widest axis;
+// photons at one position are split by place. Uses morton.cl.
 
-/// Flags the photons in runs of equal codes of more than `max_leaf_size`. One work-item per photon and one more.
+/// Flags the photons in runs of equal codes of more than `max_leaf_size`. One work-item per photon
+/// and one more.
 /// @param levels  [n - 1]
 /// @param flags   [n + 1] out: 1 for a photon of such a run, else 0; flags[n] is 0
 /// @param any     [1] out: not 0 where there is such a photon; 0 before
@@ -24,8 +25,9 @@ kernel void tie_flags(global const uchar* restrict levels, const uint n, const u
 /// @param places  [n + 1] exclusive sum of the flags
 /// @param slots   [m] out: places in leaf order of the flagged photons, ascending
 /// @param heads   [m + 1] out: 1 where a run begins, else 0; heads[m] is 0
-kernel void tie_slots(global const uchar* restrict levels, const uint n, global const uint* restrict places,
-                      global uint* restrict slots, global uint* restrict heads) {
+kernel void tie_slots(global const uchar* restrict levels, const uint n,
+                      global const uint* restrict places, global uint* restrict slots,
+                      global uint* restrict heads) {
   const uint i = get_global_id(0);
   if (i == 0) heads[places[n]] = 0;
   if (i >= n || places[i] == places[i + 1]) return;
@@ -37,8 +39,8 @@ kernel void tie_slots(global const uchar* restrict levels, const uint n, global 
 /// @param runs        [m + 1] exclusive sum of the heads: photon j is in run runs[j + 1] - 1
 /// @param run_firsts  [run_count + 1] out: where each run begins in the list
 /// @param boxes       [6 * run_count] out: empty boxes, as ordered bits
-kernel void tie_runs(global const uint* restrict runs, const uint m, global uint* restrict run_firsts,
-                     global uint* restrict boxes) {
+kernel void tie_runs(global const uint* restrict runs, const uint m,
+                     global uint* restrict run_firsts, global uint* restrict boxes) {
   const uint j = get_global_id(0);
   if (j >= m) return;
   if (j == 0) run_firsts[runs[m]] = m;
@@ -51,11 +53,13 @@ kernel void tie_runs(global const uint* restrict runs, const uint m, global uint
   }
 }
 
+#ifndef TIE_ITEMS
 #define TIE_ITEMS 16  // photons of one work-item of tie_boxes
+#endif
 
 void extend_box(global uint* box, const uint3 low, const uint3 high) {
-  // Minimum and maximum do not depend on the order in which the items come; nothing else is read from their writes
-  // before the launch ends.
+  // Minimum and maximum do not depend on the order in which the items come; nothing else is read
+  // from their writes before the launch ends.
   atomic_min(&box[0], low.x);
   atomic_min(&box[1], low.y);
   atomic_min(&box[2], low.z);
@@ -68,8 +72,8 @@ void extend_box(global uint* box, const uint3 low, const uint3 high) {
 /// @param ids    [n] photon at each place of the leaf order
 /// @param boxes  [6 * run_count] in/out: minimum, maximum as ordered bits
 kernel void tie_boxes(global const float* restrict positions, global const uint* restrict ids,
-                      global const uint* restrict slots, global const uint* restrict runs, const uint m,
-                      global uint* boxes) {
+                      global const uint* restrict slots, global const uint* restrict runs,
+                      const uint m, global uint* boxes) {
   const uint first = get_global_id(0) * TIE_ITEMS;
   if (first >= m) return;
   const uint last = min(first + TIE_ITEMS, m);
@@ -95,11 +99,12 @@ float3 box_low(global const uint* box) {
 }
 
 float3 box_extent(global const uint* box) {
-  return (float3)(from_ordered_bits(box[3]), from_ordered_bits(box[4]), from_ordered_bits(box[5])) - box_low(box);
+  return (float3)(from_ordered_bits(box[3]), from_ordered_bits(box[4]), from_ordered_bits(box[5])) -
+         box_low(box);
 }
 
-// Cube of 1024^3 cells over a box, its scale a power of two: exact without a division. Half to all of the cells are
-// used along the longest edge.
+// Cube of 1024^3 cells over a box, its scale a power of two: exact without a division. Half to all
+// of the cells are used along the longest edge.
 MortonGrid grid_of_box(global const uint* box) {
   const float3 low = box_low(box), extent = box_extent(box);
   float longest = fmax(fmax(extent.x, extent.y), extent.z);
@@ -117,24 +122,28 @@ MortonGrid grid_of_box(global const uint* box) {
 /// @param keys    [m] out: run << kTieBits | code of the photon within the run's box
 /// @param values  [m] out: photon index
 kernel void tie_codes(global const float* restrict positions, global const uint* restrict ids,
-                      global const uint* restrict slots, global const uint* restrict runs, const uint m,
-                      global const uint* restrict boxes, global ulong* restrict keys, global uint* restrict values) {
+                      global const uint* restrict slots, global const uint* restrict runs,
+                      const uint m, global const uint* restrict boxes, global ulong* restrict keys,
+                      global uint* restrict values) {
   const uint j = get_global_id(0);
   if (j >= m) return;
   const uint run = runs[j + 1] - 1;
   const uint id = ids[slots[j]];
-  keys[j] = ((ulong)run << kTieBits) | morton_code_30(load_position(positions, id), grid_of_box(&boxes[6 * run]));
+  keys[j] = ((ulong)run << kTieBits) |
+            morton_code_30(load_position(positions, id), grid_of_box(&boxes[6 * run]));
   values[j] = id;
 }
 
-/// Puts the photons sorted by tie_codes back and sets the levels between them. One work-item per listed photon.
+/// Puts the photons sorted by tie_codes back and sets the levels between them. One work-item per
+/// listed photon.
 /// @param base    level of the first bit of the codes
 /// @param ids     [n] out at the slots
 /// @param levels  [n - 1] out within the runs: base + shared prefix, kLevelTied, or kLevelSame
-kernel void tie_levels_of_codes(global const uint* restrict slots, global const uint* restrict runs, const uint m,
-                                global const uint* restrict boxes, global const ulong* restrict keys,
-                                global const uint* restrict values, const uint base, global uint* restrict ids,
-                                global uchar* restrict levels) {
+kernel void tie_levels_of_codes(global const uint* restrict slots, global const uint* restrict runs,
+                                const uint m, global const uint* restrict boxes,
+                                global const ulong* restrict keys,
+                                global const uint* restrict values, const uint base,
+                                global uint* restrict ids, global uchar* restrict levels) {
   const uint j = get_global_id(0);
   if (j >= m) return;
   const uint slot = slots[j];
@@ -148,13 +157,14 @@ kernel void tie_levels_of_codes(global const uint* restrict slots, global const 
   }
 }
 
-/// Computes keys that sort each run along the widest axis of its box. One work-item per listed photon.
+/// Computes keys that sort each run along the widest axis of its box. One work-item per listed
+/// photon.
 /// @param keys    [m] out: run << 32 | ordered bits of the coordinate
 /// @param values  [m] out: photon index
 kernel void tie_coordinates(global const float* restrict positions, global const uint* restrict ids,
-                            global const uint* restrict slots, global const uint* restrict runs, const uint m,
-                            global const uint* restrict boxes, global ulong* restrict keys,
-                            global uint* restrict values) {
+                            global const uint* restrict slots, global const uint* restrict runs,
+                            const uint m, global const uint* restrict boxes,
+                            global ulong* restrict keys, global uint* restrict values) {
   const uint j = get_global_id(0);
   if (j >= m) return;
   const uint run = runs[j + 1] - 1;
@@ -166,15 +176,18 @@ kernel void tie_coordinates(global const float* restrict positions, global const
   values[j] = id;
 }
 
-/// Puts the photons sorted by tie_coordinates back and splits each run at the multiple of the leaf size next to its
-/// median. One work-item per listed photon.
+/// Puts the photons sorted by tie_coordinates back and splits each run at the multiple of the leaf
+/// size next to its median. One work-item per listed photon.
 /// @param level   of the new split
 /// @param ids     [n] out at the slots
 /// @param levels  [n - 1] out: `level` at the splits; kLevelSame in runs at one position
-kernel void tie_levels_of_medians(global const uint* restrict slots, global const uint* restrict runs, const uint m,
-                                  global const uint* restrict run_firsts, global const uint* restrict boxes,
-                                  global const uint* restrict values, const uint max_leaf_size, const uint level,
-                                  global uint* restrict ids, global uchar* restrict levels) {
+kernel void tie_levels_of_medians(global const uint* restrict slots,
+                                  global const uint* restrict runs, const uint m,
+                                  global const uint* restrict run_firsts,
+                                  global const uint* restrict boxes,
+                                  global const uint* restrict values, const uint max_leaf_size,
+                                  const uint level, global uint* restrict ids,
+                                  global uchar* restrict levels) {
   const uint j = get_global_id(0);
   if (j >= m) return;
   const uint slot = slots[j];
@@ -191,8 +204,8 @@ kernel void tie_levels_of_medians(global const uint* restrict slots, global cons
   }
 }
 
-/// Splits what is left, runs of at most one leaf and photons at one position, by place (the index tie-break of
-/// Karras 2012, section 4). One work-item per boundary.
+/// Splits what is left, runs of at most one leaf and photons at one position, by place (the index
+/// tie-break of Karras 2012, section 4). One work-item per boundary.
 /// @param levels  [n - 1] in/out
 kernel void tie_levels_of_places(global uchar* restrict levels, const uint n) {
   const uint i = get_global_id(0);

@@ -1,17 +1,21 @@
-// What the gather kernels share: a query's place and radius, distances to boxes, and the outputs of every query.
+// What the gather kernels share: a query's place and radius, distances to boxes, and the outputs of
+// every query.
 
-// A child that waits on the traversal stack: the bits of its squared distance above, its slot below. The slot, node * 2
-// for a left child and node * 2 + 1 for a right one, leads to its links and to its smallest photon index.
+// A child that waits on the traversal stack: the bits of its squared distance above, its slot
+// below. The slot, node * 2 for a left child and node * 2 + 1 for a right one, leads to its links
+// and to its smallest photon index.
 ulong pending(const float d2, const uint slot) { return ((ulong)as_uint(d2) << 32) | slot; }
 
-// Squared distance from `q` to the box, 0 inside. Rounded as the distance to a photon is, in the same order of
-// operations, so it is never above that of any photon of the box: culling by it is exact.
+// Squared distance from `q` to the box, 0 inside. Rounded as the distance to a photon is, in the
+// same order of operations, so it is never above that of any photon of the box: culling by it is
+// exact.
 float box_squared_distance(const float3 q, const float3 low, const float3 high) {
   const float3 d = fmax(fmax(low - q, q - high), 0.0f);
   return (d.x * d.x + d.y * d.y) + d.z * d.z;
 }
 
-// Squared distance from `q` to the farthest corner of the box; never below that of any photon of the box.
+// Squared distance from `q` to the farthest corner of the box; never below that of any photon of
+// the box.
 float far_squared_distance(const float3 q, const float3 low, const float3 high) {
   const float3 d = fmax(q - low, high - q);
   return (d.x * d.x + d.y * d.y) + d.z * d.z;
@@ -40,14 +44,16 @@ Children load_children(global const Node* restrict nodes, const uint index) {
   return children;
 }
 
-// Weight of a photon at squared distance d2 of a gather of squared radius r2, before the division by pi r2.
+// Weight of a photon at squared distance d2 of a gather of squared radius r2, before the division
+// by pi r2.
 float density_weight(const uint kernel_type, const float d2, const float r2) {
   if (kernel_type == kKernelConstant) return 1.0f;
   if (kernel_type == kKernelCone) return fmax(3.0f * (1.0f - sqrt(d2 / r2)), 0.0f);
   return fmax(2.0f * (1.0f - d2 / r2), 0.0f);
 }
 
-// Whether a photon of this direction of travel (octahedral; Cigolle et al. 2014) comes from the side of the normal.
+// Whether a photon of this direction of travel (octahedral; Cigolle et al. 2014) comes from the
+// side of the normal.
 bool comes_from_front(const short2 direction, const float3 normal) {
   const float step = 1.0f / 32767;
   float x = max((int)direction.x, -32767) * step, y = max((int)direction.y, -32767) * step;
@@ -61,9 +67,9 @@ bool comes_from_front(const short2 direction, const float3 normal) {
 }
 
 // Adds the photon `id` to a density sum.
-void add_density(float3* sum, const GatherParams params, const uint query, const uint id, const float d2,
-                 const float r2, global const float* restrict powers, global const short2* restrict directions,
-                 global const float* restrict normals) {
+void add_density(float3* sum, const GatherParams params, const uint query, const uint id,
+                 const float d2, const float r2, global const float* restrict powers,
+                 global const short2* restrict directions, global const float* restrict normals) {
   if (params.has_normals && !comes_from_front(directions[id], vload3(query, normals))) return;
   *sum += density_weight(params.density_kernel, d2, r2) * vload3(id, powers);
 }
