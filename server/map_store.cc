@@ -114,8 +114,13 @@ absl::Status MapStore::NotFound(std::string_view name, std::uint64_t version) co
     }
   }
   if (versions.empty()) return absl::NotFoundError(fmt::format("no map is named '{}'", name));
+  // A status travels in HTTP/2 headers, which gRPC limits to a few KiB.
+  constexpr std::size_t kVersionsNamed = 8;
+  const std::size_t left_out = versions.size() - std::min(versions.size(), kVersionsNamed);
+  versions.erase(versions.begin(), versions.begin() + static_cast<std::ptrdiff_t>(left_out));
   return absl::NotFoundError(
-      fmt::format("map '{}' has no version {}, only {}", name, version, fmt::join(versions, ", ")));
+      fmt::format("map '{}' has no version {}, only {}{}", name, version, fmt::join(versions, ", "),
+                  left_out == 0 ? std::string() : fmt::format(" and {} older ones", left_out)));
 }
 
 std::optional<TimePoint> MapStore::NextExpiry() const {

@@ -54,7 +54,8 @@ class MapStore {
   /// in the store.
   MapHandle FindRequest(std::string_view request_id) const;
 
-  /// Version 0: the newest. NOT_FOUND names the map, and the versions there are.
+  /// Version 0: the newest. NOT_FOUND names the map, its newest versions, and how many
+  /// more there are.
   absl::StatusOr<MapHandle> Find(std::string_view name, std::uint64_t version) const;
 
   /// By name, then version.

@@ -48,6 +48,14 @@ TEST(MapStoreTest, NotFoundNamesTheMapAndTheVersionsThereAre) {
   EXPECT_EQ(store.List().size(), 2u);
 }
 
+TEST(MapStoreTest, NotFoundNamesTheNewestVersionsOfMany) {
+  MapStore store;
+  for (int i = 0; i < 2600; ++i) store.Add(MakeMap("a"));
+  EXPECT_EQ(store.Find("a", 2601).status().ToString(),
+            "NOT_FOUND: map 'a' has no version 2601, only 2593, 2594, 2595, 2596, 2597, 2598, "
+            "2599, 2600 and 2592 older ones");
+}
+
 TEST(MapStoreTest, RemoveTakesOneVersionOrAllAndHandlesLiveOn) {
   MapStore store;
   const MapHandle first = store.Add(MakeMap("a"));
