@@ -1,6 +1,11 @@
 #include "server/request_log.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "fmt/chrono.h"
@@ -35,6 +40,18 @@ void Set(nlohmann::ordered_json& json, const char* key, const std::optional<T>& 
   if (value) json[key] = *value;
 }
 
+/// Opens `file` to append as the log will, and writes nothing: a full device refuses that too.
+absl::Status CheckWritable(const std::string& file) {
+  const int handle = open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666);
+  int error = handle < 0 ? errno : 0;
+  if (handle >= 0) {
+    if (write(handle, "", 0) < 0) error = errno;
+    close(handle);
+  }
+  if (error == 0) return absl::OkStatus();
+  return absl::PermissionDeniedError(fmt::format("log file '{}': {}", file, std::strerror(error)));
+}
+
 }  // namespace
 
 std::string ToJson(const RequestRecord& record, const absl::Status& status,
@@ -65,6 +82,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   json["download_us"] = Rounded(times.download_us());
   json["serialise_us"] = Rounded(times.serialise_us());
   json["total_us"] = Rounded(times.total_us());
+  if (record.device_us) json["device_us"] = Rounded(*record.device_us);
   for (const StageTime& stage : record.stages) {
     json["stages_us"][stage.stage] = Rounded(stage.microseconds);
   }
@@ -78,6 +96,9 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
 }
 
 absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& file) {
+  if (!file.empty()) {
+    if (auto status = CheckWritable(file); !status.ok()) return status;
+  }
   spdlog::sink_ptr sink;
   try {
     if (file.empty()) {
@@ -90,8 +111,8 @@ absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& 
   }
   std::unique_ptr<RequestLog> log(new RequestLog);
   log->writer_ = std::make_shared<spdlog::details::thread_pool>(kLinesAhead, 1);
-  log->logger_ = std::make_shared<spdlog::async_logger>(
-      "requests", std::move(sink), log->writer_, spdlog::async_overflow_policy::overrun_oldest);
+  log->logger_ = std::make_shared<spdlog::async_logger>("requests", std::move(sink), log->writer_,
+                                                        spdlog::async_overflow_policy::block);
   log->logger_->set_pattern("%v");
   log->logger_->flush_on(spdlog::level::info);
   return log;

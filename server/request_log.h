@@ -18,7 +18,9 @@ namespace treelight::server {
 /// What is told of one request; what does not apply stays empty and is not written.
 struct RequestRecord {
   std::string request_id;  ///< the client's, else a random one
-  std::string method;      ///< "Gather"; a GatherStream has one record for each batch
+  /// "Gather". A GatherStream has one record for each batch, and one without `queries` where it
+  /// ended with none.
+  std::string method;
   std::string peer;
   std::string map;
   std::uint64_t version = 0;             ///< 0: none answered
@@ -31,12 +33,15 @@ struct RequestRecord {
   bool own_radii = false;  ///< the queries have a radius each: `r` is written as "per query"
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
-  v1::Timings timings;            ///< the same as in the answer
+  v1::Timings timings;  ///< the same as in the answer
+  /// Wall time for which it held the device, also where it failed there and `timings` has no parts
+  /// of it.
+  std::optional<double> device_us;
   std::vector<StageTime> stages;  ///< of a build
   std::optional<std::uint64_t>
       nodes_visited;  ///< sum over the batch, where STATISTICS was asked for
   std::optional<std::uint64_t> distance_tests;
-  std::string device;
+  std::string device;  ///< that it used, or would have
 };
 
 /// `record` as one line of JSON without the line's end; `time` is when the request ended.
@@ -44,11 +49,12 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
                    std::chrono::system_clock::time_point time);
 
 /// The request log: a line of JSON for each request. Safe to call from several threads at once. A
-/// thread of its own writes; should the disk or the pipe fall thousands of lines behind, the oldest
-/// are lost, no caller waits.
+/// thread of its own writes; should the disk or the pipe fall thousands of lines behind, callers
+/// wait for it, so that no line is lost.
 class RequestLog {
  public:
-  /// `file` is appended to; empty: stderr. PERMISSION_DENIED: it cannot be opened.
+  /// `file` is appended to; empty: stderr. PERMISSION_DENIED: it cannot be opened or
+  /// written to, as far as that shows before the first line; folders are not made.
   static absl::StatusOr<std::unique_ptr<RequestLog>> Open(const std::string& file);
 
   /// Writes what is left.

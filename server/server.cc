@@ -11,6 +11,7 @@
 #include "grpcpp/server_builder.h"
 #include "server/address.h"
 #include "server/service.h"
+#include "server/unix_socket.h"
 
 namespace treelight::server {
 namespace {
@@ -49,6 +50,7 @@ struct Server::Impl {
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options,
                                                       std::unique_ptr<Builder> builder) {
   if (auto status = CheckOptions(options); !status.ok()) return status;
+  if (auto status = CheckSocketIsFree(options.listen); !status.ok()) return status;
   auto log = RequestLog::Open(options.log_file);
   if (!log.ok()) return log.status();
   auto impl = std::make_unique<Impl>(options, std::move(builder), *std::move(log));

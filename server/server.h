@@ -20,7 +20,7 @@ class Server {
  public:
   /// Starts to serve maps that `builder` makes. INVALID_ARGUMENT: an option is wrong, or the
   /// address is not loopback and ServerOptions::allow_remote is false. UNAVAILABLE: the address
-  /// cannot be bound. PERMISSION_DENIED: the log file cannot be opened.
+  /// cannot be bound. PERMISSION_DENIED: the log file cannot be opened or written to.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options,
                                                        std::unique_ptr<Builder> builder);
 

@@ -193,6 +193,38 @@ TEST(ServerProcessTest, AnAddressThatIsTakenIsOneLineAndExitCode1) {
                               "': the address is taken, not this machine's, or not allowed\n");
 }
 
+TEST(ServerProcessTest, ALogThatCannotBeWrittenIsOneLineAndExitCode1) {
+  for (const std::string file : {"/dev/full", "/nosuch/log", "/tmp"}) {
+    Process process({"--listen", "127.0.0.1:0", "--log-file", file});
+    EXPECT_EQ(process.Wait(), 1);
+    EXPECT_EQ(process.err().find("treelightd: log file '" + file + "': "), 0u) << process.err();
+    EXPECT_EQ(Lines(process.err()), 1u) << process.err();
+    EXPECT_EQ(process.out(), "");
+  }
+}
+
+TEST(ServerProcessTest, AUnixSocketThatAnswersIsNotTaken) {
+  Process first({"--listen", "127.0.0.1:0"});  // only for its folder
+  const std::string address = "unix:" + first.folder() + "/socket";
+  v1::ServerInfo info;
+  {
+    Process owner({"--listen", address});
+    ASSERT_EQ(owner.WaitUntilReady(), address) << owner.err();
+    Process thief({"--listen", address});
+    EXPECT_EQ(thief.Wait(), 1);
+    EXPECT_EQ(thief.err(),
+              "treelightd: cannot listen on '" + address + "': another process answers there\n");
+    grpc::ClientContext context;
+    EXPECT_TRUE(Connect(address)->GetServerInfo(&context, {}, &info).ok());
+  }
+  // The owner was killed: its file is left, and nobody answers.
+  ASSERT_TRUE(std::filesystem::exists(first.folder() + "/socket"));
+  Process heir({"--listen", address});
+  EXPECT_EQ(heir.WaitUntilReady(), address) << heir.err();
+  grpc::ClientContext context;
+  EXPECT_TRUE(Connect(address)->GetServerInfo(&context, {}, &info).ok());
+}
+
 TEST(ServerProcessTest, TheCommandLineGoesBeforeTheFileBeforeTheEnvironment) {
   Process first({"--listen", "127.0.0.1:0"});  // only for its folder
   const std::string config = first.folder() + "/config";
