@@ -21,13 +21,18 @@ Batch::Batch(State& state, const Call& call, AnswerForm form)
 
 void Batch::Run(const v1::GatherRequest& request, std::function<void(const absl::Status&)> done) {
   Describe(request);
+  if (!call_.admission().ok()) return done(call_.admission());
   state_.RunOnCpu(record_.bytes_in, [this, &request, done = std::move(done)] {
     if (auto status = Parse(request); !status.ok()) return done(status);
     const auto submitted =
         state_.device_queue.Submit([this] { return call_.Alive(); },
                                    [this, done](const absl::Status& turn, double queue_us) {
                                      record_.timings.set_queue_us(queue_us);
-                                     done(turn.ok() ? call_.Explain(Gather()) : turn);
+                                     if (!turn.ok()) return done(turn);
+                                     const Stopwatch held;
+                                     const auto status = call_.Explain(Gather());
+                                     record_.device_us = held.microseconds();
+                                     done(status);
                                    });
     if (!submitted.ok()) done(submitted);
   });
@@ -36,6 +41,7 @@ void Batch::Run(const v1::GatherRequest& request, std::function<void(const absl:
 /// What the log tells of a batch, also of one that is refused.
 void Batch::Describe(const v1::GatherRequest& request) {
   record_.map = request.map();
+  record_.device = state_.device_name();
   record_.batch_id = request.batch_id();
   record_.queries = request.positions().size() / (3 * sizeof(float));
   record_.k = request.k();

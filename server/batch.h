@@ -28,7 +28,7 @@ class Batch {
 
   /// Parses `request`, waits for the device and gathers. `done` is called exactly once, with
   /// nothing held and not always on another thread: OK, or the error that photon_map.proto
-  /// documents. `request` may go once it is called.
+  /// documents, UNAVAILABLE where the call was not admitted. `request` may go once it is called.
   void Run(const v1::GatherRequest& request, std::function<void(const absl::Status&)> done);
 
   /// Writes the next part of the answer, the whole for AnswerForm::kMessage. RESOURCE_EXHAUSTED:

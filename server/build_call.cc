@@ -12,6 +12,7 @@ BuildCall::BuildCall(State& state, grpc::CallbackServerContext& context,
       response_(response),
       call_(state, context, "BuildPhotonMap"),
       record_(call_.NewRecord()) {
+  record_.device = state.device_name();
   if (call_.admission().ok()) {
     StartRead(&message_);
   } else {
@@ -83,7 +84,11 @@ void BuildCall::Submit() {
       state_.device_queue.Submit([this] { return call_.Alive(); },
                                  [this](const absl::Status& turn, double queue_us) {
                                    record_.timings.set_queue_us(queue_us);
-                                   End(turn.ok() ? Build() : turn);
+                                   if (!turn.ok()) return End(turn);
+                                   const Stopwatch held;
+                                   const absl::Status status = Build();
+                                   record_.device_us = held.microseconds();
+                                   End(status);
                                  });
   if (!submitted.ok()) End(submitted);
 }

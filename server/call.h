@@ -55,7 +55,7 @@ class Call {
   /// `status`, but where core was made to stop by `cancelled()`, why.
   absl::Status Explain(const absl::Status& status) const;
 
-  /// A record with what is known of the call: method, peer, request id, device.
+  /// A record with what is known of the call: method, peer, request id.
   RequestRecord NewRecord() const;
 
  private:

@@ -8,10 +8,6 @@ GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context,
       response_(response),
       call_(state, context, "Gather"),
       batch_(state, call_, AnswerForm::kMessage) {
-  if (!call_.admission().ok()) {
-    End(call_.admission());
-    return;
-  }
   batch_.Run(request, [this](const absl::Status& status) {
     if (!status.ok()) return End(status);
     state_.RunOnCpu(batch_.next_bytes(), [this] { Answer(); });

@@ -33,7 +33,9 @@ void GatherStream::OnReadDone(bool ok) {
   Advance([&] {
     failed = !failure_.ok();
     reading_ = starting_ = !failed;
-    if (!failed) entries_.push_back(std::move(added));
+    if (failed) return;
+    any_batch_ = true;
+    entries_.push_back(std::move(added));
   });
   if (failed) return;
   entry.batch.Run(entry.request, [this, &entry](const absl::Status& status) {
@@ -80,6 +82,14 @@ bool GatherStream::Gathering() const {
          });
 }
 
+/// Writes the line of a stream that has no batch to tell of.
+void GatherStream::Log(const absl::Status& status) {
+  RequestRecord record = call_.NewRecord();
+  record.device = state_.device_name();
+  record.timings.set_total_us(watch_.microseconds());
+  state_.log->Write(record, status);
+}
+
 /// Takes note of what happened and does what has become possible: read, write a part, or finish.
 /// The decision is one step under the lock; what follows it keeps this object alive, as Finish is
 /// only called when nothing else goes on.
@@ -112,6 +122,8 @@ void GatherStream::Advance(Event event) {
       for (const auto& entry : entries_) {
         entry->batch.Log(entry->status.ok() ? *finish : entry->status);
       }
+      // No batch's line tells of this end.
+      if (entries_.empty() && (!any_batch_ || !finish->ok())) Log(*finish);
     }
   }
   if (read) StartRead(&request_);

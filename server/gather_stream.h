@@ -42,21 +42,24 @@ class GatherStream final : public grpc::ServerBidiReactor<v1::GatherRequest, v1:
   template <typename Event>
   void Advance(Event event);
   bool Gathering() const;  // needs mutex_
+  void Log(const absl::Status& status);
 
   State& state_;
   Call call_;
+  const Stopwatch watch_;
   v1::GatherRequest request_;    // being read
   v1::GatherResponse response_;  // being written
 
   std::mutex mutex_;  // never held when gRPC is called: Finish may end this object
   std::deque<std::unique_ptr<Entry>> entries_;  // guarded by mutex_; the front is answered first
   // Guarded by mutex_, all below.
-  bool reading_ = false;   // a read is under way
-  bool starting_ = false;  // the batch that was read is on its way to the device queue
-  bool writing_ = false;   // a part is made or written
-  bool read_all_ = false;  // the client sends no more
-  bool finished_ = false;  // Finish is called, or about to be
-  absl::Status failure_;   // how the stream ends
+  bool reading_ = false;    // a read is under way
+  bool starting_ = false;   // the batch that was read is on its way to the device queue
+  bool writing_ = false;    // a part is made or written
+  bool read_all_ = false;   // the client sends no more
+  bool any_batch_ = false;  // one was taken up
+  bool finished_ = false;   // Finish is called, or about to be
+  absl::Status failure_;    // how the stream ends
 };
 
 }  // namespace treelight::server

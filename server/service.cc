@@ -1,6 +1,7 @@
 #include "server/service.h"
 
 #include <string_view>
+#include <type_traits>
 
 #include "server/build_call.h"
 #include "server/call.h"
@@ -28,6 +29,9 @@ class QuickCall final : public grpc::ServerUnaryReactor {
     }
     const absl::Status status =
         call_.admission().ok() ? handle(state, request, response) : call_.admission();
+    if constexpr (std::is_same_v<Response, v1::PhotonMap>) {
+      if (status.ok()) record.version = response.version();
+    }
     record.bytes_in = request.ByteSizeLong();
     record.bytes_out = status.ok() ? response.ByteSizeLong() : 0;
     record.timings.set_total_us(watch.microseconds());

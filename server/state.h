@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "core/builder.h"
@@ -37,6 +38,11 @@ struct State {
     } else {
       cpu.enqueue(std::move(work));
     }
+  }
+
+  /// Name of the device that maps live on; empty where ServerOptions tells of none.
+  std::string device_name() const {
+    return options.devices.empty() ? std::string() : options.devices[options.device_index].name;
   }
 
   const ServerOptions options;

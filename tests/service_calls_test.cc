@@ -1,4 +1,5 @@
 #include <future>
+#include <map>
 #include <thread>
 
 #include "nlohmann/json.hpp"
@@ -33,15 +34,17 @@ class ServiceCallsTest : public ServerTest {
     EXPECT_EQ(deleted.deleted(), 1u);
   }
 
-  /// The last line of the log with this method.
-  nlohmann::json LogOf(const std::string& method) {
-    nlohmann::json found;
+  /// The last line of the log with each method; ends the server.
+  std::map<std::string, nlohmann::json> LogByMethod() {
+    std::map<std::string, nlohmann::json> found;
     for (const auto& line : EndAndReadLog()) {
       const auto json = nlohmann::json::parse(line);
-      if (json["method"] == method) found = json;
+      found[json["method"]] = json;
     }
     return found;
   }
+
+  nlohmann::json LogOf(const std::string& method) { return LogByMethod()[method]; }
 
   const Photons photons_ = MakePhotons(1000, 1);
   const std::shared_ptr<Gate> gate_ = std::make_shared<Gate>();
@@ -71,7 +74,12 @@ TEST_F(ServiceCallsTest, APassedDeadlineStopsTheWorkAndIsLoggedAsOne) {
   context.set_deadline(std::chrono::system_clock::now() + 50ms);
   v1::GatherResponse response;
   EXPECT_EQ(Gather(context, response).error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_EQ(LogOf("Gather")["code"], "DEADLINE_EXCEEDED");
+  const auto log = LogOf("Gather");
+  EXPECT_EQ(log["code"], "DEADLINE_EXCEEDED");
+  // No kernel was timed; the device was held nevertheless.
+  EXPECT_EQ(log["kernel_us"], 0);
+  EXPECT_GT(log["device_us"].get<double>(), 0);
+  EXPECT_LE(log["device_us"].get<double>(), log["total_us"].get<double>());
 }
 
 TEST_F(ServiceCallsTest, ACallCancelledInTheQueueIsNeverRun) {
@@ -308,6 +316,68 @@ TEST_F(ServiceCallsTest, ADrainCancelsWhatIsOpenAtItsEnd) {
   ASSERT_TRUE(Eventually([&] { return gate_->gathers == 1; }));
   EXPECT_EQ(server_->Drain(std::chrono::system_clock::now() + 20ms), 1u);
   EXPECT_FALSE(answer.get().ok());
+}
+
+TEST_F(ServiceCallsTest, ACallRefusedInADrainIsLogged) {
+  DeviceInfo device;
+  device.name = "drained";
+  device.memory_bytes = device.max_buffer_bytes = 1 << 30;
+  options_.devices = {device};
+  StartGated();
+  // An upload that stands still keeps the drain from its end.
+  grpc::ClientContext open, late, late_stream;
+  v1::BuildPhotonMapResponse built;
+  const auto upload = stub_->BuildPhotonMap(&open, &built);
+  ASSERT_TRUE(upload->Write(MakeUpload("standing", photons_)[0]));
+  v1::ServerInfo info;
+  grpc::ClientContext first;
+  ASSERT_TRUE(stub_->GetServerInfo(&first, {}, &info).ok());  // the upload was taken up before
+  auto drained = std::async([&] { return server_->Drain(std::chrono::system_clock::now() + 10s); });
+  ASSERT_TRUE(Eventually([&] {
+    grpc::ClientContext probe;
+    return stub_->GetServerInfo(&probe, {}, &info).error_code() == grpc::StatusCode::UNAVAILABLE;
+  }));
+  v1::GatherResponse response;
+  EXPECT_EQ(Gather(late, response).error_code(), grpc::StatusCode::UNAVAILABLE);
+  const auto stream = stub_->GatherStream(&late_stream);
+  EXPECT_FALSE(stream->Read(&response));
+  EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+  open.TryCancel();
+  EXPECT_FALSE(upload->Finish().ok());
+  drained.get();
+
+  const auto lines = LogByMethod();
+  for (const char* method : {"GetServerInfo", "Gather", "GatherStream"}) {
+    ASSERT_TRUE(lines.contains(method)) << method;
+    EXPECT_EQ(lines.at(method)["code"], "UNAVAILABLE") << method;
+    EXPECT_NE(lines.at(method)["peer"], "") << method;
+  }
+  EXPECT_EQ(lines.at("Gather")["map"], "cloud");
+  EXPECT_EQ(lines.at("Gather")["queries"], 1);
+  EXPECT_EQ(lines.at("Gather")["k"], 1);
+  EXPECT_EQ(lines.at("Gather")["r"], "inf");
+  for (const char* method : {"BuildPhotonMap", "Gather", "GatherStream"}) {
+    EXPECT_EQ(lines.at(method)["device"], "drained") << method;
+  }
+}
+
+TEST_F(ServiceCallsTest, AStreamWithoutBatchesIsLogged) {
+  StartGated();
+  std::vector<v1::GatherResponse> parts;
+  ASSERT_TRUE(Stream(*stub_, {}, parts).ok());
+  const auto log = LogOf("GatherStream");
+  EXPECT_EQ(log["code"], "OK");
+  EXPECT_FALSE(log.contains("queries"));
+}
+
+TEST_F(ServiceCallsTest, TheLogOfALookTellsTheVersionThatAnswered) {
+  StartGated();
+  v1::GetPhotonMapRequest request;
+  request.set_name("cloud");
+  v1::PhotonMap map;
+  grpc::ClientContext context;
+  ASSERT_TRUE(stub_->GetPhotonMap(&context, request, &map).ok());
+  EXPECT_EQ(LogOf("GetPhotonMap")["version"], 1);
 }
 
 TEST_F(ServiceCallsTest, TheLogTellsWhatTheAnswerTells) {
