@@ -158,6 +158,30 @@ TEST_F(ServiceErrorsTest, ABadUploadLeavesNoMap) {
             "INVALID_ARGUMENT: header.photon_count is 0, a map needs at least 1 photon");
 }
 
+TEST_F(ServiceErrorsTest, AHeaderOverTheLimitsIsRefusedBeforeItsChunksAreRead) {
+  auto upload = MakeUpload("map", MakePhotons(10, 1));
+  upload[0].mutable_header()->set_photon_count(200'000'000);
+  grpc::ClientContext context;
+  v1::BuildPhotonMapResponse response;
+  const auto writer = stub_->BuildPhotonMap(&context, &response);
+  ASSERT_TRUE(writer->Write(upload[0]));
+  // Neither a chunk nor the end of the stream is sent.
+  const auto status = writer->Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_NE(status.error_message().find("200000000"), std::string::npos) << status.error_message();
+}
+
+TEST_F(ServiceErrorsTest, AMessageOverTheLimitIsRefusedAndTheServerLives) {
+  auto request = MakeBatch("bare", {0, 0, 0}, {.k = 1});
+  request.set_normals(std::string((4 << 20) + 1, '\0'));
+  const std::string expected = "RESOURCE_EXHAUSTED: ";
+  EXPECT_EQ(GatherError(request).substr(0, expected.size()), expected);
+  EXPECT_EQ(StreamError(request).substr(0, expected.size()), expected);
+  auto upload = MakeUpload("map", MakePhotons(10, 1));
+  upload[1].mutable_chunk()->set_positions(request.normals());
+  EXPECT_EQ(BuildError(upload).substr(0, expected.size()), expected);
+}
+
 TEST_F(ServiceErrorsTest, MapsThatAreNotThereAreNamed) {
   v1::GetPhotonMapRequest get;
   get.set_name("nosuch");

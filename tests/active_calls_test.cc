@@ -1,0 +1,61 @@
+#include "server/active_calls.h"
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "gtest/gtest.h"
+
+namespace treelight::server {
+namespace {
+
+using std::chrono_literals::operator""ms;
+
+/// A time that no test lives to see.
+std::chrono::system_clock::time_point Never() {
+  return std::chrono::system_clock::now() + std::chrono::hours(1);
+}
+
+TEST(ActiveCallsTest, WithNoCallTheWaitIsOver) {
+  ActiveCalls calls;
+  EXPECT_EQ(calls.WaitForNone(Never()), 0u);
+}
+
+TEST(ActiveCallsTest, TheWaitEndsAtTheDeadlineAndCountsWhatIsOpen) {
+  ActiveCalls calls;
+  ASSERT_TRUE(calls.Enter().ok());
+  ASSERT_TRUE(calls.Enter().ok());
+  calls.Leave();
+  EXPECT_EQ(calls.WaitForNone(std::chrono::system_clock::now() + 10ms), 1u);
+}
+
+TEST(ActiveCallsTest, ARefusedCallCountsUntilItLeaves) {
+  ActiveCalls calls;
+  calls.Close();
+  EXPECT_EQ(calls.Enter().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(calls.WaitForNone(std::chrono::system_clock::now()), 1u);
+  calls.Leave();
+  EXPECT_EQ(calls.WaitForNone(Never()), 0u);
+}
+
+TEST(ActiveCallsTest, ADrainAmongManyCallsLosesNone) {
+  ActiveCalls calls;
+  std::atomic<int> admitted = 0;
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&] {
+      for (bool open = true; open;) {
+        open = calls.Enter().ok();
+        admitted += open ? 1 : 0;
+        calls.Leave();
+      }
+    });
+  }
+  while (admitted < 100) std::this_thread::yield();
+  calls.Close();
+  threads.clear();
+  EXPECT_EQ(calls.WaitForNone(Never()), 0u);
+}
+
+}  // namespace
+}  // namespace treelight::server
