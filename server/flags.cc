@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
 #include <system_error>
 
 #include "CLI/CLI.hpp"
@@ -43,6 +44,36 @@ std::string CheckCount(const std::string& text) {
   return fmt::format("'{}' is no whole number of at least 1", text);
 }
 
+/// What is wrong with `text` as the time of a drain, for CLI11. Its Range takes "nan".
+std::string CheckDrainSeconds(const std::string& text) {
+  constexpr double kDay = 86'400;
+  double seconds = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, seconds);
+  if (error == std::errc() && stop == end && seconds >= 0 && seconds <= kDay) return {};
+  return fmt::format("'{}' is no number in [0, {}]", text, kDay);
+}
+
+/// `text` as it can stand in one line of a terminal.
+std::string Printable(std::string_view text) {
+  constexpr std::size_t kLongest = 80;
+  std::string line;
+  for (const char c : text.substr(0, kLongest)) {
+    line += std::isprint(static_cast<unsigned char>(c)) != 0 ? c : '?';
+  }
+  return text.size() > kLongest ? line + "..." : line;
+}
+
+/// What is wrong, in one line.
+std::string Explain(const CLI::ParseError& error, CLI::App& app) {
+  constexpr std::string_view kNotAnOption = "INI was not able to parse ";
+  const std::string_view what = error.what();
+  if (!what.starts_with(kNotAnOption)) return std::string(what);
+  return fmt::format("file '{}' of --config: no option is named '{}'",
+                     app.get_config_ptr()->as<std::string>(),
+                     Printable(what.substr(kNotAnOption.size())));
+}
+
 void AddOptions(CLI::App& app, Flags& flags, double& drain_seconds) {
   ServerOptions& server = flags.server;
   Add(app, "--listen", server.listen, "HOST:PORT, port 0 for a free one; or unix:/PATH")
@@ -62,7 +93,7 @@ void AddOptions(CLI::App& app, Flags& flags, double& drain_seconds) {
   Add(app, "--queue-depth", server.queue_depth, "Requests that may wait for the device")
       ->check(CheckCount);
   Add(app, "--drain-seconds", drain_seconds, "Time for open calls to finish after SIGTERM")
-      ->check(CLI::Range(0.0, 86'400.0));
+      ->check(CheckDrainSeconds);
   Add(app, "--log-file", server.log_file, "Request log; stderr without it");
 }
 
@@ -85,7 +116,7 @@ std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv) {
     app.exit(asked);
     return Exit{0};
   } catch (const CLI::ParseError& error) {
-    fmt::print(stderr, "treelightd: {}\n", error.what());
+    fmt::print(stderr, "treelightd: {}\n", Explain(error, app));
     return Exit{kExitWrongUsage};
   }
   if (auto status = CheckOptions(flags.server); !status.ok()) {

@@ -24,7 +24,7 @@ struct Exit {
 };
 
 /// Exit codes of treelightd.
-inline constexpr int kExitFailure = 1, kExitWrongUsage = 2, kExitSecondSignal = 130;
+inline constexpr int kExitFailure = 1, kExitWrongUsage = 2, kExitSignal = 130;
 
 /// Reads the flags. Exit where --help or --version was answered (0), or something is wrong, which
 /// one line on stderr then tells (kExitWrongUsage). What the command line says goes before the

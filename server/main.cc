@@ -1,13 +1,15 @@
 // treelightd: serves photon maps until SIGTERM or SIGINT.
 //
-// Exit codes: 0 drained, or --help; 1 it cannot serve; 2 wrong command line; 130 a second signal
-// came while it drained.
+// Exit codes: 0 drained, or --help; 1 it cannot serve; 2 wrong command line; 130 a signal came
+// before it served, or a second one while it drained.
 
 #include <unistd.h>
 
+#include <condition_variable>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -28,32 +30,59 @@ int Fail(const absl::Status& status, int code) {
   return code;
 }
 
-/// Blocks SIGTERM and SIGINT in this thread and those that it will start, so that sigwait() gets
-/// them.
-sigset_t BlockSignals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
-  return signals;
-}
+/// Takes SIGTERM and SIGINT on a thread of its own. A signal before BeginServing(), while kernels
+/// compile say, ends the process at once, as does a second one after it. Lives as long as the
+/// process; made before any other thread, as those inherit that the signals are blocked.
+class SignalWatch {
+ public:
+  SignalWatch() {
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGTERM);
+    sigaddset(&signals, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+    std::thread([this, signals] {
+      while (true) {
+        int signal = 0;
+        sigwait(&signals, &signal);
+        const std::lock_guard lock(mutex_);
+        // Under the lock: nothing is printed as if the process went on.
+        if (!serving_ || signalled_) std::_Exit(kExitSignal);
+        signalled_ = true;
+        wake_.notify_one();
+      }
+    }).detach();
+  }
+  SignalWatch(const SignalWatch&) = delete;
+  SignalWatch& operator=(const SignalWatch&) = delete;
+
+  /// From now on the first signal ends Wait() instead of the process.
+  void BeginServing() {
+    const std::lock_guard lock(mutex_);
+    serving_ = true;
+  }
+
+  /// Blocks until the first signal.
+  void Wait() {
+    std::unique_lock lock(mutex_);
+    wake_.wait(lock, [this] { return signalled_; });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable wake_;  // with mutex_: signalled_ became true
+  bool serving_ = false;          // guarded by mutex_
+  bool signalled_ = false;        // guarded by mutex_
+};
 
 /// gRPC's own lines would stand between ours; GRPC_VERBOSITY brings them back.
 void QuietGrpc() {
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
-/// Waits for a signal, then drains; a second signal ends the process at once.
-void ServeUntilSignal(Server& server, const sigset_t& signals, std::chrono::milliseconds drain) {
-  int signal = 0;
-  sigwait(&signals, &signal);
-  std::thread([signals] {
-    int second = 0;
-    sigwait(&signals, &second);
-    std::_Exit(kExitSecondSignal);
-  }).detach();
+/// Waits for a signal, then drains.
+void ServeUntilSignal(Server& server, SignalWatch& signals, std::chrono::milliseconds drain) {
+  signals.Wait();
   const std::size_t cut_off = server.Drain(std::chrono::system_clock::now() + drain);
   if (cut_off > 0) {
     fmt::print(stderr, "treelightd: {} calls were open after --drain-seconds and were cancelled\n",
@@ -62,7 +91,8 @@ void ServeUntilSignal(Server& server, const sigset_t& signals, std::chrono::mill
 }
 
 int Main(int argc, const char* const* argv) {
-  const sigset_t signals = BlockSignals();
+  static SignalWatch signals;     // its thread may outlive main()
+  std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
   QuietGrpc();
   auto parsed = ParseFlags(argc, argv);
   if (const auto* exit = std::get_if<Exit>(&parsed)) return exit->code;
@@ -80,6 +110,7 @@ int Main(int argc, const char* const* argv) {
 
   auto server = Server::Start(flags.server, *std::move(builder));
   if (!server.ok()) return Fail(server.status(), kExitFailure);
+  signals.BeginServing();
   fmt::print("treelightd {} listening on {}, device {}: {}\n", kVersion, (*server)->address(),
              device->index, device->name);
   std::fflush(stdout);

@@ -96,6 +96,8 @@ TEST(ServerProcessTest, AWrongCommandLineIsOneLineAndExitCode2) {
                                                     {"--queue-depth", "0"},
                                                     {"--max-photons", "many"},
                                                     {"--config", "/nosuch"},
+                                                    {"--drain-seconds", "nan"},
+                                                    {"--drain-seconds", "-1"},
                                                     {"--device", "nosuch"}}) {
     Process process(arguments);
     EXPECT_EQ(process.Wait(), 2) << arguments[0];
@@ -103,6 +105,36 @@ TEST(ServerProcessTest, AWrongCommandLineIsOneLineAndExitCode2) {
     EXPECT_EQ(process.err().find("treelightd: "), 0u) << process.err();
     EXPECT_EQ(process.out(), "");
   }
+}
+
+TEST(ServerProcessTest, AWrongConfigurationFileIsNamed) {
+  const std::string garbage("\0\1\xff garbage\n\x80[[[\nfoo\n", 21);
+  for (const std::string& text : {garbage, std::string("nosuch=3\n")}) {
+    Process folder({"--version"});
+    const std::string config = folder.folder() + "/config";
+    std::ofstream(config) << text;
+    Process process({"--config", config});
+    EXPECT_EQ(process.Wait(), 2);
+    const std::string expected =
+        "treelightd: file '" + config + "' of --config: no option is named";
+    EXPECT_EQ(process.err().substr(0, expected.size()), expected) << process.err();
+    EXPECT_EQ(Lines(process.err()), 1u) << process.err();
+  }
+}
+
+TEST(ServerProcessTest, ASignalWhileKernelsCompileEndsItAtOnce) {
+  Process folder({"--version"});
+  // A cold start: no kernel of an earlier one is found.
+  setenv("POCL_CACHE_DIR", (folder.folder() + "/pocl").c_str(), 1);
+  const std::string kernels = folder.folder() + "/kernels";
+  Process process({"--listen", "127.0.0.1:0", "--cache-dir", kernels});
+  unsetenv("POCL_CACHE_DIR");
+  ASSERT_TRUE(Eventually([&] { return std::filesystem::exists(kernels); })) << process.err();
+  process.Signal(SIGTERM);
+  const auto signalled = std::chrono::steady_clock::now();
+  EXPECT_EQ(process.Wait(), 130);
+  EXPECT_LT(std::chrono::steady_clock::now() - signalled, std::chrono::seconds(1));
+  EXPECT_EQ(process.out(), "");
 }
 
 TEST(ServerProcessTest, VersionIsPrinted) {
