@@ -52,7 +52,8 @@ absl::Status OutputFile::Commit() {
 }
 
 absl::Status OutputFile::Error() const {
-  return absl::ErrnoToStatus(errno, fmt::format("cannot write {}", path_));
+  return absl::ErrnoToStatus(
+      errno, fmt::format("cannot write {}", path_ == "-" ? "standard output" : path_));
 }
 
 }  // namespace treelight::client

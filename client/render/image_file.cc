@@ -1,9 +1,8 @@
 #include "client/render/image_file.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 #include <exception>
 #include <filesystem>
 #include <system_error>
@@ -13,8 +12,10 @@
 #include "OpenEXR/ImfChannelList.h"
 #include "OpenEXR/ImfFrameBuffer.h"
 #include "OpenEXR/ImfHeader.h"
+#include "OpenEXR/ImfIO.h"
 #include "OpenEXR/ImfInputFile.h"
 #include "OpenEXR/ImfOutputFile.h"
+#include "client/output_file.h"
 #include "fmt/format.h"
 #include "half.h"
 #include "stb_image_write.h"
@@ -32,11 +33,32 @@ std::string Ending(const std::string& path) {
   return ending;
 }
 
-absl::Status CannotWrite(const std::string& path, const std::string& reason) {
-  return absl::UnknownError(fmt::format("cannot write {}: {}", path, reason));
+/// Encoders write through it to a string, at any place of it.
+class StringStream : public Imf::OStream {
+ public:
+  explicit StringStream(const std::string& name) : OStream(name.c_str()) {}
+
+  void write(const char bytes[], int count) override {
+    const auto size = static_cast<std::size_t>(count);
+    bytes_.resize(std::max(bytes_.size(), place_ + size));
+    std::copy_n(bytes, size, bytes_.begin() + static_cast<std::ptrdiff_t>(place_));
+    place_ += size;
+  }
+  std::uint64_t tellp() override { return place_; }
+  void seekp(std::uint64_t place) override { place_ = place; }
+
+  std::string Take() { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+  std::size_t place_ = 0;
+};
+
+absl::Status CannotEncode(const std::string& path, const std::string& reason) {
+  return absl::InternalError(fmt::format("cannot encode {}: {}", path, reason));
 }
 
-absl::Status WritePng(const Image& image, const std::string& path, float exposure) {
+absl::StatusOr<std::string> EncodePng(const Image& image, const std::string& path, float exposure) {
   const float scale = std::exp2(exposure);
   std::vector<std::uint8_t> bytes;
   bytes.reserve(3 * image.pixels.size());
@@ -45,12 +67,16 @@ absl::Status WritePng(const Image& image, const std::string& path, float exposur
       bytes.push_back(EncodeSrgb(scale * channel));
     }
   }
-  errno = 0;
-  if (stbi_write_png(path.c_str(), image.width, image.height, 3, bytes.data(), 3 * image.width) ==
-      0) {
-    return CannotWrite(path, errno != 0 ? std::strerror(errno) : "PNG encoder failed");
+  std::string file;
+  const auto append = [](void* out, void* data, int size) {
+    static_cast<std::string*>(out)->append(static_cast<const char*>(data),
+                                           static_cast<std::size_t>(size));
+  };
+  if (stbi_write_png_to_func(append, &file, image.width, image.height, 3, bytes.data(),
+                             3 * image.width) == 0) {
+    return CannotEncode(path, "PNG encoder failed");
   }
-  return absl::OkStatus();
+  return file;
 }
 
 /// The three channels of rows of `Pixel`, which holds three numbers of type `type`.
@@ -70,7 +96,8 @@ Imf::FrameBuffer MakeFrameBuffer(Imf::PixelType type, Pixel* pixels, int first_x
   return buffer;
 }
 
-absl::Status WriteExr(const Image& image, const std::string& path, ExrPixels pixels) {
+absl::StatusOr<std::string> EncodeExr(const Image& image, const std::string& path,
+                                      ExrPixels pixels) {
   const Imf::PixelType type = pixels == ExrPixels::kHalf ? Imf::HALF : Imf::FLOAT;
   std::vector<Rgb> floats = image.pixels;
   std::vector<std::array<half, 3>> halves;
@@ -81,15 +108,18 @@ absl::Status WriteExr(const Image& image, const std::string& path, ExrPixels pix
     Imf::Header header(image.width, image.height);
     header.compression() = Imf::ZIP_COMPRESSION;
     for (const char* name : kChannels) header.channels().insert(name, Imf::Channel(type));
-    Imf::OutputFile file(path.c_str(), header);
-    file.setFrameBuffer(pixels == ExrPixels::kHalf
-                            ? MakeFrameBuffer(type, halves.data(), 0, 0, image.width)
-                            : MakeFrameBuffer(type, floats.data(), 0, 0, image.width));
-    file.writePixels(image.height);
+    StringStream stream(path);
+    {
+      Imf::OutputFile file(stream, header);
+      file.setFrameBuffer(pixels == ExrPixels::kHalf
+                              ? MakeFrameBuffer(type, halves.data(), 0, 0, image.width)
+                              : MakeFrameBuffer(type, floats.data(), 0, 0, image.width));
+      file.writePixels(image.height);
+    }  // where the table of lines is written
+    return stream.Take();
   } catch (const std::exception& error) {
-    return CannotWrite(path, error.what());
+    return CannotEncode(path, error.what());
   }
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -106,12 +136,22 @@ bool IsImagePath(const std::string& path) {
   return ending == ".png" || ending == ".exr";
 }
 
+absl::StatusOr<std::string> EncodeImage(const Image& image, const std::string& path,
+                                        const ImageFileOptions& options) {
+  const std::string ending = Ending(path);
+  if (ending == ".png") return EncodePng(image, path, options.exposure);
+  if (ending == ".exr") return EncodeExr(image, path, options.pixels);
+  return absl::InvalidArgumentError(fmt::format("{} ends neither in .png nor in .exr", path));
+}
+
 absl::Status WriteImage(const Image& image, const std::string& path,
                         const ImageFileOptions& options) {
-  const std::string ending = Ending(path);
-  if (ending == ".png") return WritePng(image, path, options.exposure);
-  if (ending == ".exr") return WriteExr(image, path, options.pixels);
-  return absl::InvalidArgumentError(fmt::format("{} ends neither in .png nor in .exr", path));
+  const auto bytes = EncodeImage(image, path, options);
+  if (!bytes.ok()) return bytes.status();
+  auto file = OutputFile::Create(path);
+  if (!file.ok()) return file.status();
+  if (auto status = file->Write(*bytes); !status.ok()) return status;
+  return file->Commit();
 }
 
 absl::StatusOr<Image> ReadExr(const std::string& path) {

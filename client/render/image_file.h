@@ -14,21 +14,27 @@ namespace treelight::client {
 /// 0.
 std::uint8_t EncodeSrgb(float linear);
 
+/// Numbers of an EXR file.
 enum class ExrPixels {
   kHalf,   ///< 16 bits, 11 of them significant
   kFloat,  ///< 32 bits
 };
 
+/// How a picture is stored.
 struct ImageFileOptions {
   float exposure = 1;  ///< PNG: stops; linear values are multiplied with 2^exposure
   ExrPixels pixels = ExrPixels::kHalf;  ///< EXR
 };
 
-/// Whether WriteImage knows the ending of `path`.
+/// Whether EncodeImage knows the ending of `path`.
 bool IsImagePath(const std::string& path);
 
-/// Writes an 8-bit sRGB PNG or a linear EXR (ZIP), as the ending of `path` says.
-/// INVALID_ARGUMENT: another ending. UNKNOWN: the file cannot be written; the message says why.
+/// The bytes of an 8-bit sRGB PNG or a linear EXR (ZIP), as the ending of `path` says; no file is
+/// touched. INVALID_ARGUMENT: another ending. INTERNAL: the encoder failed; the message says why.
+absl::StatusOr<std::string> EncodeImage(const Image& image, const std::string& path,
+                                        const ImageFileOptions& options = {});
+
+/// Writes what EncodeImage gives as an OutputFile, with the errors of both.
 absl::Status WriteImage(const Image& image, const std::string& path,
                         const ImageFileOptions& options = {});
 
