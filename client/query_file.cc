@@ -21,7 +21,8 @@
 namespace treelight::client {
 namespace {
 
-constexpr std::size_t kMaxLineSize = 4096;  // bytes
+constexpr std::size_t kMaxLineSize = 4096;                   // bytes
+constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";  // spreadsheets put it first
 
 // Numbers that a point may have, and their names in a file.
 enum Field { kX, kY, kZ, kNormalX, kNormalY, kNormalZ, kRadius, kFieldCount };
@@ -174,7 +175,9 @@ absl::StatusOr<QueryPoints> ReadCsv(std::istream& stream, const std::string& pat
   std::uint64_t byte_count = 0;
   for (std::uint64_t line_number = 1; stream.peek() != std::istream::traits_type::eof();
        ++line_number) {
-    const auto line = ReadLine(stream, kMaxLineSize, byte_count);
+    auto line = ReadLine(stream, kMaxLineSize, byte_count);
+    if (line && line_number == 1 && line->starts_with(kByteOrderMark))
+      line->erase(0, kByteOrderMark.size());
     std::string error;
     if (!line) {
       error = fmt::format("the line is longer than {} bytes", kMaxLineSize);

@@ -25,9 +25,10 @@ struct QueryPoints {
 /// Reads query points from a file whose first line is `ply`, else from CSV.
 ///
 /// PLY: x, y, z, and where the file has them nx, ny, nz and r (or radius); the rest is skipped.
-/// CSV: numbers between commas; lines that are empty or begin with # are skipped. The first line
-/// may name the columns: x, y, z, nx, ny, nz, r, in any order. Without names the columns are x, y,
-/// z, then nx, ny, nz where there are 6 or 7, then r where there are 4 or 7.
+/// CSV: numbers between commas; lines that are empty or begin with # are skipped, and so is a UTF-8
+/// byte order mark. The first line may name the columns: x, y, z, nx, ny, nz, r, in any order.
+/// Without names the columns are x, y, z, then nx, ny, nz where there are 6 or 7, then r where
+/// there are 4 or 7.
 ///
 /// Errors name file and line (CSV, ASCII PLY) or vertex or byte (binary PLY). NOT_FOUND,
 /// PERMISSION_DENIED and the like: the file cannot be opened. INVALID_ARGUMENT: it is damaged, or a

@@ -56,6 +56,17 @@ TEST(QueryFileTest, TheNumberOfColumnsSaysWhatTheyAre) {
   EXPECT_THAT(seven->radii, ElementsAre(9));
 }
 
+TEST(QueryFileTest, AByteOrderMarkIsSkipped) {
+  for (const char* rest : {"1,2,3\n", "x,y,z\n1,2,3\n", "# points\n1,2,3\n", "\r\n1,2,3\r\n"}) {
+    const auto points = ReadText(std::string("\xef\xbb\xbf") + rest);
+    ASSERT_TRUE(points.ok()) << points.status();
+    EXPECT_THAT(points->positions, ElementsAre(1, 2, 3));
+  }
+  EXPECT_THAT(ErrorOf("1,2,3\n\xef\xbb\xbf"
+                      "1,2,3\n"),
+              HasSubstr(":2: "));
+}
+
 TEST(QueryFileTest, NamedColumnsMayStandInAnyOrder) {
   const auto points = ReadText("r,z,y,x\n4,3,2,1\n");
   ASSERT_TRUE(points.ok()) << points.status();
