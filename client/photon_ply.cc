@@ -9,7 +9,6 @@
 #include <string_view>
 #include <vector>
 
-#include "client/output_file.h"
 #include "client/ply_reader.h"
 #include "core/model/octahedral.h"
 #include "fmt/format.h"
@@ -130,26 +129,29 @@ std::string AppendNormal(const double* values, std::vector<std::int16_t>& direct
 }  // namespace
 
 absl::Status WritePhotonPly(const std::string& path, const Photons& photons) {
+  auto file = OutputFile::Create(path);
+  if (!file.ok()) return file.status();
+  return WritePhotonPly(*std::move(file), photons);
+}
+
+absl::Status WritePhotonPly(OutputFile file, const Photons& photons) {
   const std::size_t n = photons.size();
   if (photons.positions.size() != 3 * n ||
       (!photons.powers.empty() && photons.powers.size() != 3 * n) ||
       (!photons.directions.empty() && photons.directions.size() != 2 * n)) {
-    return absl::InvalidArgumentError(
-        fmt::format("{}: arrays of photons are of unequal length", path));
+    return absl::InvalidArgumentError("arrays of photons are of unequal length");
   }
-  auto file = OutputFile::Create(path);
-  if (!file.ok()) return file.status();
   std::string bytes = Header(photons);
   const float max_power =
       photons.powers.empty() ? 0 : *std::max_element(photons.powers.begin(), photons.powers.end());
   for (std::size_t i = 0; i < n; ++i) {
     AppendVertex(photons, i, max_power, bytes);
     if (bytes.size() < kFlushSize) continue;
-    if (const auto status = file->Write(bytes); !status.ok()) return status;
+    if (const auto status = file.Write(bytes); !status.ok()) return status;
     bytes.clear();
   }
-  if (const auto status = file->Write(bytes); !status.ok()) return status;
-  return file->Commit();
+  if (const auto status = file.Write(bytes); !status.ok()) return status;
+  return file.Commit();
 }
 
 absl::StatusOr<Photons> ReadPhotonPly(const std::string& path) {

@@ -5,6 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/output_file.h"
 #include "core/model/photons.h"
 
 namespace treelight::client {
@@ -12,14 +13,16 @@ namespace treelight::client {
 /// Writes `photons` as binary little-endian PLY, a vertex each, in order of index:
 ///   float x, y, z                               scene units
 ///   float power_red, power_green, power_blue    W; where there are powers
-///   short dir_u, dir_v                          octahedral (core/model/octahedral.h); where there
-///   are directions uchar red, green, blue                      where there are powers: the power
-///   relative to the strongest one, with
-///                                               a gamma of 2.2, so that viewers show colours; not
-///                                               read back
+///   short dir_u, dir_v                          where there are directions: octahedral
+///                                               (core/model/octahedral.h)
+///   uchar red, green, blue                      where there are powers: the power relative to the
+///                                               strongest one, with a gamma of 2.2, so that
+///                                               viewers show colours; not read back
 /// What is read back is the same bit by bit. Written as an OutputFile, and with its errors.
 /// INVALID_ARGUMENT: arrays of unequal length.
 absl::Status WritePhotonPly(const std::string& path, const Photons& photons);
+/// Likewise to a file that is open already.
+absl::Status WritePhotonPly(OutputFile file, const Photons& photons);
 
 /// Reads photons from a PLY file, ASCII or binary: x, y, z, and as the file has them all of
 /// power_red, power_green, power_blue, and dir_u, dir_v or nx, ny, nz (a vector of any length but

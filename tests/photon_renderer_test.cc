@@ -66,7 +66,10 @@ TEST_F(PhotonRendererTest, AgreesWithThePathTracerInADiffuseBox) {
   EXPECT_LT(error->relative_mse, 0.02);
   EXPECT_EQ(render.indirect.queries, 16u * kSide * kSide);
   EXPECT_EQ(render.caustic.queries, 0u);
-  EXPECT_EQ(render.indirect.tests_per_query, maps.indirect->map().photon_count());  // brute force
+  const auto traversal = GatherSample(*client_, *maps.refs().indirect, {.k = 100, .radius = 0.1f},
+                                      render.indirect.sample);
+  ASSERT_TRUE(traversal.ok()) << traversal.status();
+  EXPECT_EQ(traversal->tests_per_query, maps.indirect->map().photon_count());  // brute force
 }
 
 // Mirror and glass, seen directly and as caustics.

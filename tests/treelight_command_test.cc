@@ -4,7 +4,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -29,6 +31,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 using ::treelight::testing::MakePhotons;
 using ::treelight::testing::MakePoints;
@@ -55,13 +58,14 @@ class TreelightCommandTest : public ::testing::Test {
 
   std::string Path(const std::string& name) const { return folder_ + "/" + name; }
 
-  Outcome Run(const std::string& arguments) const {
+  /// `out` is where standard output goes, a file of the folder or a device.
+  Outcome Run(const std::string& arguments, const std::string& out = "out") const {
     const std::string command =
-        fmt::format("cd {} && TREELIGHT_SERVER={} {} {} >out 2>err </dev/null", folder_,
-                    server_address_, TREELIGHT_PROGRAM, arguments);
+        fmt::format("cd {} && TREELIGHT_SERVER={} {} {} >{} 2>err </dev/null", folder_,
+                    server_address_, TREELIGHT_PROGRAM, arguments, out);
     const int status = std::system(command.c_str());
     return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
-            .out = ReadFile(Path("out")),
+            .out = out == "out" ? ReadFile(Path(out)) : "",
             .err = ReadFile(Path("err"))};
   }
 
@@ -98,6 +102,18 @@ TEST_F(TreelightCommandTest, AWrongCommandLineIsOneLineAndExitCode2) {
   EXPECT_THAT(FailingRun("gather --map n --queries q --k -1", 2), HasSubstr("--k"));
   EXPECT_THAT(FailingRun("gather --map n --queries q --k 4097", 2), HasSubstr("--k"));
   EXPECT_THAT(FailingRun("gather --map n --queries q --radius -1", 2), HasSubstr("--radius"));
+  EXPECT_THAT(FailingRun("gather --map n --queries q --radius nan", 2), HasSubstr("--radius"));
+  EXPECT_THAT(FailingRun("gather --map 'a b' --queries q", 2), HasSubstr("'a b' is no name"));
+  EXPECT_THAT(FailingRun("build --photons p.ply --name 'a b'", 2), HasSubstr("'a b' is no name"));
+  EXPECT_THAT(FailingRun("build --photons p.ply --name n --ttl nan", 2), HasSubstr("--ttl"));
+  EXPECT_THAT(FailingRun("--server '' info", 2), HasSubstr("the address is empty"));
+  EXPECT_THAT(FailingRun("--timeout nan info", 2), HasSubstr("--timeout"));
+  EXPECT_THAT(FailingRun("render --exposure nan", 2), HasSubstr("--exposure"));
+  EXPECT_THAT(FailingRun("render --radius nan", 2), HasSubstr("--radius"));
+  EXPECT_THAT(FailingRun("render --seed -1", 2), HasSubstr("--seed"));
+  EXPECT_THAT(FailingRun("render --output a.png --output a.png", 2), HasSubstr("given twice"));
+  EXPECT_THAT(FailingRun("trace --seed -1 --output a.ply", 2), HasSubstr("--seed"));
+  EXPECT_THAT(FailingRun("trace", 2), HasSubstr("--output is required"));
   EXPECT_THAT(FailingRun("gather --map n --queries q --outputs count,all", 2), HasSubstr("all"));
   EXPECT_THAT(FailingRun("gather --map n --queries q --kernel gauss", 2), HasSubstr("gauss"));
 }
@@ -129,6 +145,20 @@ TEST_F(TreelightCommandTest, BadFilesAreOneLineAndExitCode1) {
   std::ofstream(Path("q.csv")) << "1,2,3\n";
   EXPECT_THAT(FailingRun("gather --map n --queries q.csv --k 1 --output none/a.csv", 1),
               HasSubstr("cannot write none/a.csv: No such file"));
+  EXPECT_THAT(FailingRun("trace --output none/a.ply", 1),
+              HasSubstr("cannot write none/a.ply: No such file"));
+  // Before any work: nobody has asked the server, which does not answer.
+  EXPECT_THAT(FailingRun("render --output a.png --output none/a.exr", 1),
+              HasSubstr("cannot write none/a.exr: No such file"));
+  EXPECT_FALSE(std::filesystem::exists(Path("a.png.part")));
+}
+
+TEST_F(TreelightCommandTest, AFullStandardOutputIsOneLineAndExitCode1) {
+  for (const char* command : {"devices --local", "--help", "trace --photons 10 --output -"}) {
+    const Outcome outcome = Run(command, "/dev/full");
+    EXPECT_EQ(outcome.exit_code, 1) << command;
+    EXPECT_EQ(outcome.err, "treelight: cannot write standard output: No space left on device\n");
+  }
 }
 
 TEST_F(TreelightCommandTest, HelpTellsTheExitCodes) {
@@ -136,7 +166,8 @@ TEST_F(TreelightCommandTest, HelpTellsTheExitCodes) {
   EXPECT_EQ(help.exit_code, 0);
   EXPECT_THAT(
       help.out,
-      HasSubstr("Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers."));
+      HasSubstr("Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers, "
+                "or it is\nstopping."));
   EXPECT_THAT(Run("--version").out, StartsWith("treelight "));
 }
 
@@ -165,11 +196,14 @@ class TreelightWithServerTest : public TreelightCommandTest {
 
   void TearDown() override {
     if (server_ <= 0) return;
-    kill(server_, SIGTERM);
+    Stop();
     int status = 0;
     ASSERT_EQ(waitpid(server_, &status, 0), server_);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
   }
+
+  /// Lets the server drain.
+  void Stop() const { kill(server_, SIGTERM); }
 
  private:
   void ReadAddress(const std::string& output) {
@@ -268,10 +302,87 @@ TEST_F(TreelightWithServerTest, RefusalsAreOneLineAndExitCode1) {
   std::ofstream(Path("q.csv")) << "0,0,0\n";
   ASSERT_EQ(Run("build --photons p.ply --name cloud").exit_code, 0);
   EXPECT_THAT(FailingRun("gather --map fog --queries q.csv --k 1", 1), HasSubstr("fog"));
-  EXPECT_THAT(FailingRun("gather --map cloud --queries q.csv", 1), HasSubstr("radius"));
+  EXPECT_THAT(FailingRun("gather --map cloud --queries q.csv --k 0", 2), HasSubstr("--radius"));
   EXPECT_THAT(FailingRun("build --photons none.ply --name cloud", 1), HasSubstr("photon_count"));
-  EXPECT_THAT(FailingRun("build --photons p.ply --name 'a cloud'", 1), HasSubstr("name"));
   EXPECT_EQ(nlohmann::json::parse(Run("info --json").out)["map_count"], 1);
+}
+
+TEST_F(TreelightWithServerTest, AFullStandardOutputIsOneLineAndExitCode1) {
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), MakePhotons(100, /*seed=*/7)).ok());
+  std::ofstream(Path("q.csv")) << "0,0,0\n";
+  ASSERT_EQ(Run("build --photons p.ply --name cloud").exit_code, 0);
+  for (const char* command : {"gather --map cloud --queries q.csv", "info", "maps list --json"}) {
+    const Outcome outcome = Run(command, "/dev/full");
+    EXPECT_EQ(outcome.exit_code, 1) << command;
+    EXPECT_EQ(outcome.err, "treelight: cannot write standard output: No space left on device\n");
+  }
+}
+
+TEST_F(TreelightWithServerTest, TracedPhotonsBecomeAMapThatAnswers) {
+  const Outcome traced = Run("trace --scene cornell --photons 3000 --seed 5 --output photons.ply");
+  ASSERT_EQ(traced.exit_code, 0) << traced.err;
+  const auto photons = ReadPhotonPly(Path("photons.ply"));
+  ASSERT_TRUE(photons.ok()) << photons.status();
+  EXPECT_GE(photons->size(), 3000u);
+  EXPECT_EQ(photons->powers.size(), 3 * photons->size());
+  EXPECT_EQ(photons->directions.size(), 2 * photons->size());
+  EXPECT_THAT(traced.out, AllOf(StartsWith(fmt::format("photons: {} = ", photons->size())),
+                                HasSubstr(" indirect + "), HasSubstr(" caustic\nlight: ")));
+  const Outcome built = Run("build --photons photons.ply --name room");
+  ASSERT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_THAT(built.out,
+              HasSubstr(fmt::format("{} (positions, powers, directions)", photons->size())));
+  std::ofstream(Path("q.csv")) << "x,y,z,nx,ny,nz\n0.5,0,0.5,0,1,0\n";  // the middle of the floor
+  const Outcome gathered = Run("gather --map room --queries q.csv --outputs count,density");
+  ASSERT_EQ(gathered.exit_code, 0) << gathered.err;
+  EXPECT_THAT(gathered.out, HasSubstr("\n0,50,"));  // as many as k allows unless told otherwise
+}
+
+TEST_F(TreelightWithServerTest, ARenderIsNearItsReference) {
+  const Outcome reference =
+      Run("render --reference --width 64 --height 64 --spp 256 --output reference.exr");
+  ASSERT_EQ(reference.exit_code, 0) << reference.err;
+  const Outcome render =
+      Run("render --width 64 --height 64 --spp 16 --photons 20000 --compare reference.exr "
+          "--output picture.png --output picture.exr");
+  ASSERT_EQ(render.exit_code, 0) << render.err;
+  EXPECT_TRUE(ReadFile(Path("picture.png")).starts_with("\x89PNG\r\n"));
+  EXPECT_FALSE(std::filesystem::exists(Path("picture.png.part")));
+  EXPECT_THAT(render.out, AllOf(HasSubstr("picture: picture.png\npicture: picture.exr\n"),
+                                HasSubstr("gathers/s of kernel time"),
+                                HasSubstr("gathers/s of wall time"), HasSubstr("light: ")));
+  EXPECT_THAT(Run("maps list --json").out, Not(HasSubstr("cornell")));  // deleted at the end
+  const std::string mark = "against reference.exr: RMSE ";
+  const std::size_t line = render.out.find(mark);
+  ASSERT_NE(line, render.out.npos) << render.out;
+  double rmse = 0, clipped_rmse = 0;
+  ASSERT_EQ(std::sscanf(&render.out[line + mark.size()], "%lf (%lf", &rmse, &clipped_rmse), 2);
+  // 0.031 to 0.033 for three seeds, of which the noise of the reference is 0.03; without caustics
+  // it would be 0.055, without indirect light 0.068.
+  EXPECT_LT(clipped_rmse, 0.045);
+  EXPECT_LT(rmse, 0.2);  // 0.08 to 0.09: values above white at the rim of the lamp weigh most
+}
+
+TEST_F(TreelightWithServerTest, AServerThatDrainsStillGivesThePicture) {
+  Outcome render;
+  std::thread renderer([&] {
+    render = Run("render --width 64 --height 64 --spp 256 --photons 2000 --output picture.png");
+  });
+  // Both maps are there when the first pixels are asked for.
+  const std::string list = fmt::format(
+      "{} --server {} maps list 2>/dev/null | grep -c '^cornell' "
+      ">{} || true",
+      TREELIGHT_PROGRAM, server_address_, Path("maps"));
+  for (int tries = 0; tries < 200 && !ReadFile(Path("maps")).starts_with('2'); ++tries) {
+    EXPECT_EQ(std::system(list.c_str()), 0);
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_FALSE(std::filesystem::exists(Path("picture.png")));
+  Stop();
+  renderer.join();
+  EXPECT_EQ(render.exit_code, 0) << render.err;
+  EXPECT_THAT(render.err, HasSubstr("treelight: warning: the maps are not deleted: "));
+  EXPECT_TRUE(ReadFile(Path("picture.png")).starts_with("\x89PNG\r\n"));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/map_table.h"
 #include "client/commands/output.h"
@@ -62,7 +63,9 @@ void AddBuildCommand(CLI::App& app, GlobalOptions& global) {
                    "PLY file: x y z [power_red power_green power_blue] "
                    "[dir_u dir_v | nx ny nz]")
       ->required();
-  command->add_option("--name", options->name, "Name of the map: A-Z a-z 0-9 . _ -")->required();
+  command->add_option("--name", options->name, "Name of the map: A-Z a-z 0-9 . _ -")
+      ->required()
+      ->check(ServerName());
   command
       ->add_option("--leaf-size", options->max_leaf_size,
                    "Photons in a leaf at most (default: the server's, 16)")
@@ -74,9 +77,11 @@ void AddBuildCommand(CLI::App& app, GlobalOptions& global) {
   command
       ->add_option("--ttl", options->time_to_live_s,
                    "Seconds after which the map is deleted (default: never)")
-      ->check(CLI::Range(0.001, 30.0 * 24 * 3600));
-  command->add_option("--request-id", options->request_id,
-                      "The same id again answers with the map built first");
+      ->check(NumberIn(0.001, 30.0 * 24 * 3600));
+  command
+      ->add_option("--request-id", options->request_id,
+                   "The same id again answers with the map built first")
+      ->check(ServerName());
   command->add_flag("--json", options->json, "As JSON");
   command->callback(
       [options, &global] { global.action = [options, &global] { return Run(*options, global); }; });

@@ -15,15 +15,15 @@ struct GlobalOptions {
   std::string server = "127.0.0.1:7543";  ///< target as PhotonMapClient takes it
   std::chrono::milliseconds timeout{};    ///< of each call to the server; 0: none
   /// The work of the subcommand, set when it is parsed and run after that. Its status decides how
-  /// `treelight` ends: 0 where it is OK, 3 where it is UNAVAILABLE (no server answers), else 1 with
-  /// its message on one line.
+  /// `treelight` ends: 0 where it is OK, 3 where it is UNAVAILABLE (no server answers, or it is
+  /// stopping), else 1 with its message on one line.
   std::function<absl::Status()> action;
 };
 
 // Each function below adds one subcommand to `app`. When the subcommand is parsed, it sets
 // `global.action`; the fields of `global` are final only when the action runs. `app` and `global`
 // must outlive each other's use. What is wrong with the command line itself is thrown as
-// CLI::ValidationError from the subcommand's callback, and ends with exit code 2.
+// CLI::ValidationError from the subcommand's callback or its action, and ends with exit code 2.
 
 void AddDevicesCommand(CLI::App& app, GlobalOptions& global);  ///< `devices`: devices of the server
 void AddInfoCommand(CLI::App& app,
@@ -35,6 +35,8 @@ void AddGatherCommand(CLI::App& app,
 void AddMapsCommand(CLI::App& app, GlobalOptions& global);  ///< `maps`: list, show and delete maps
 void AddRenderCommand(CLI::App& app,
                       GlobalOptions& global);  ///< `render`: a scene becomes a picture
+void AddTraceCommand(CLI::App& app,
+                     GlobalOptions& global);  ///< `trace`: a scene becomes a photon file
 
 }  // namespace treelight::client
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "client/answer_csv.h"
+#include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/map_option.h"
 #include "client/output_file.h"
@@ -40,7 +42,7 @@ struct Options {
   std::string queries_path, output_path = "-";
   std::vector<std::string> outputs = {"count", "radius"};
   std::string kernel = "epanechnikov";
-  GatherOptions gather;
+  GatherOptions gather{.k = 50};
 };
 
 // What was gathered, for the last line.
@@ -105,6 +107,9 @@ absl::Status Run(Options options, const GlobalOptions& global) {
   options.gather.kernel = kKernelNames.at(options.kernel);
   const auto points = ReadQueryFile(options.queries_path);
   if (!points.ok()) return points.status();
+  if (options.gather.k == 0 && std::isinf(options.gather.radius) && points->radii.empty()) {
+    throw CLI::ValidationError("--k", "0 asks for all photons within a radius: give --radius");
+  }
   auto file = OutputFile::Create(options.output_path);
   if (!file.ok()) return file.status();
   PhotonMapClient client(global.server, global.timeout);
@@ -136,7 +141,7 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
       ->add_option("--radius", options->gather.radius,
                    "Radius in scene units, where the file has none")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, std::numeric_limits<double>::infinity()));
+      ->check(NumberIn(0, std::numeric_limits<double>::infinity()));
   command
       ->add_option("--outputs", options->outputs,
                    "What to tell: count, radius, neighbors, density, statistics")

@@ -1,12 +1,14 @@
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
-#include <limits>
 #include <string>
 
 #include "CLI/CLI.hpp"
+#include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/output.h"
 #include "fmt/format.h"
+#include "grpc/support/log.h"
 
 // The command line client `treelight`.
 namespace treelight::client {
@@ -15,12 +17,16 @@ namespace {
 enum ExitCode { kExitOk = 0, kExitFailed = 1, kExitUsage = 2, kExitNoServer = 3 };
 
 constexpr char kFooter[] =
-    "Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers.\n"
+    "Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers, or it is\n"
+    "stopping.\n"
     "What fails says why in one line on stderr.";
 
 void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
   app.add_option("--server", global.server, "Address of treelightd: HOST:PORT or unix:PATH")
       ->envname("TREELIGHT_SERVER")
+      ->check([](const std::string& address) {
+        return address.empty() ? "the address is empty" : std::string();
+      })
       ->capture_default_str();
   app.add_option_function<double>(
          "--timeout",
@@ -28,12 +34,17 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
            global.timeout = std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));
          },
          "Seconds that one call to the server may take, at least 0.001 (default: any time)")
-      ->check(CLI::Range(0.001, 1e6));
+      ->check(NumberIn(0.001, 1e6));
 }
 
 int Fail(int exit_code, const std::string& message) {
   fmt::print(stderr, "treelight: {}\n", OneLine(message));
   return exit_code;
+}
+
+/// gRPC's own lines would stand between ours; GRPC_VERBOSITY brings them back.
+void QuietGrpc() {
+  if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
 int Finish(const absl::Status& status, const GlobalOptions& global) {
@@ -44,10 +55,14 @@ int Finish(const absl::Status& status, const GlobalOptions& global) {
                                          global.timeout.count(), message));
   }
   if (!absl::IsUnavailable(status)) return Fail(kExitFailed, message);
+  // The server's own words, and not those of gRPC about a connection.
+  if (message.starts_with("the server "))
+    return Fail(kExitNoServer, fmt::format("{}: {}", global.server, message));
   return Fail(kExitNoServer, fmt::format("no server answers at {}: {}", global.server, message));
 }
 
 int Main(int argc, char** argv) {
+  QuietGrpc();
   CLI::App app{"Builds and queries photon maps on a Treelight server.", "treelight"};
   GlobalOptions global;
   AddGlobalOptions(app, global);
@@ -61,14 +76,20 @@ int Main(int argc, char** argv) {
   AddGatherCommand(app, global);
   AddMapsCommand(app, global);
   AddRenderCommand(app, global);
+  AddTraceCommand(app, global);
   try {
     app.parse(argc, argv);
+    if (!global.action) return Fail(kExitUsage, "a subcommand is missing (see treelight --help)");
+    absl::Status status = global.action();
+    status.Update(FlushStdout());
+    return Finish(status, global);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    if (error.get_exit_code() == 0) {  // --help, --version
+      app.exit(error);
+      return Finish(FlushStdout(), global);
+    }
     return Fail(kExitUsage, fmt::format("{} (see treelight --help)", error.what()));
   }
-  if (!global.action) return Fail(kExitUsage, "a subcommand is missing (see treelight --help)");
-  return Finish(global.action(), global);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <charconv>
 
+#include "client/commands/check.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -10,6 +11,8 @@ namespace {
 MapRef ParseMapRef(const std::string& option, const std::string& text) {
   const std::size_t at = text.find('@');
   MapRef map{.name = text.substr(0, at)};
+  if (const std::string error = ServerName()(map.name); !error.empty())
+    throw CLI::ValidationError(option, error);
   if (at == text.npos) return map;
   const char *first = text.data() + at + 1, *last = text.data() + text.size();
   const auto [stop, error] = std::from_chars(first, last, map.version);

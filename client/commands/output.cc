@@ -1,5 +1,6 @@
 #include "client/commands/output.h"
 
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 
@@ -25,6 +26,16 @@ std::string FormatTime(std::int64_t unix_ms) {
   const std::chrono::sys_time<std::chrono::milliseconds> time{std::chrono::milliseconds(unix_ms)};
   return fmt::format("{:%Y-%m-%d %H:%M:%S}",
                      fmt::gmtime(std::chrono::system_clock::to_time_t(time)));
+}
+
+void Warn(std::string_view message) {
+  fmt::print(stderr, "treelight: warning: {}\n", OneLine(message));
+}
+
+absl::Status FlushStdout() {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return absl::OkStatus();
+  return absl::ErrnoToStatus(errno != 0 ? errno : EIO, "cannot write standard output");
 }
 
 std::string OneLine(std::string_view text) {

@@ -17,6 +17,13 @@ absl::Status PrintJson(const google::protobuf::Message& message);
 /// A UTC time for people: "2026-01-31 23:59:59", from milliseconds since 1970.
 std::string FormatTime(std::int64_t unix_ms);
 
+/// Says on stderr, in one line, what went wrong beside the work that was asked for.
+void Warn(std::string_view message);
+
+/// Writes out what stdout still holds. RESOURCE_EXHAUSTED and the like: it cannot take all that was
+/// printed; the message says why.
+absl::Status FlushStdout();
+
 /// `text` on one line: control characters become blanks.
 std::string OneLine(std::string_view text);
 

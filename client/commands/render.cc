@@ -1,12 +1,17 @@
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "client/commands/check.h"
 #include "client/commands/command.h"
+#include "client/commands/output.h"
 #include "client/commands/render_report.h"
+#include "client/output_file.h"
 #include "client/photon_map_client.h"
 #include "client/progress.h"
 #include "client/render/image_file.h"
@@ -23,7 +28,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Maps outlive a renderer that was killed by no more than this.
-constexpr std::chrono::hours kTimeToLive{1};
+constexpr std::chrono::hours kTimeToLive{24};
 
 constexpr std::uint32_t kReferenceSamples = 256;
 
@@ -41,18 +46,36 @@ double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
+/// A file of the picture, opened before any work.
+struct Output {
+  std::string path;
+  OutputFile file;
+};
+
+absl::StatusOr<std::vector<Output>> OpenOutputs(const std::vector<std::string>& paths) {
+  std::vector<Output> outputs;
+  for (const std::string& path : paths) {
+    auto file = OutputFile::Create(path);
+    if (!file.ok()) return file.status();
+    outputs.push_back({path, *std::move(file)});
+  }
+  return outputs;
+}
+
 /// Writes the picture to every output and compares it where that was asked for.
 absl::Status Finish(const Image& image, const std::optional<Image>& reference,
-                    const Options& options) {
-  if (reference) {
-    const auto error = Compare(image, *reference);
-    if (!error.ok()) return error.status();
-    fmt::print("{}", FormatError(*error, options.compare_path));
+                    const Options& options, std::vector<Output>& outputs) {
+  for (Output& output : outputs) {
+    const auto bytes = EncodeImage(image, output.path, options.file);
+    if (!bytes.ok()) return bytes.status();
+    if (auto status = output.file.Write(*bytes); !status.ok()) return status;
+    if (auto status = output.file.Commit(); !status.ok()) return status;
+    fmt::print("picture: {}\n", output.path);
   }
-  for (const std::string& path : options.output_paths) {
-    if (const auto status = WriteImage(image, path, options.file); !status.ok()) return status;
-    fmt::print("picture: {}\n", path);
-  }
+  if (!reference) return absl::OkStatus();
+  const auto error = Compare(image, *reference);
+  if (!error.ok()) return error.status();
+  fmt::print("{}", FormatError(*error, options.compare_path));
   return absl::OkStatus();
 }
 
@@ -106,8 +129,30 @@ absl::StatusOr<UploadedMaps> BuildMaps(PhotonMapClient& client, const TracedPhot
                      .progress = [&](std::uint64_t sent) { progress.Update(sent); }});
 }
 
-absl::StatusOr<Image> RenderByPhotons(const Intersector& scene, const Options& options,
-                                      const GlobalOptions& global) {
+/// What the gathers of the picture did in the trees; a warning where the server does not tell.
+MapTraversals SampleTraversals(PhotonMapClient& client, const PhotonMaps& maps,
+                               const PhotonRenderedImage& render,
+                               const PhotonRenderOptions& options) {
+  MapTraversals traversals;
+  const auto sample = [&client](const std::optional<MapRef>& map, const EstimateOptions& estimate,
+                                const GatherCost& cost) -> std::optional<TraversalCost> {
+    if (!map || cost.sample.empty()) return std::nullopt;
+    const auto traversal = GatherSample(client, *map, estimate, cost.sample);
+    if (traversal.ok()) return *traversal;
+    Warn(fmt::format("no statistics of {}: {}", map->name,
+                     std::string(traversal.status().message())));
+    return std::nullopt;
+  };
+  traversals.indirect = sample(maps.indirect, options.indirect, render.indirect);
+  traversals.caustic = sample(maps.caustic, options.caustic, render.caustic);
+  return traversals;
+}
+
+/// `finish` gets the picture as soon as there is one: what the server refuses after that is no more
+/// than a warning.
+absl::Status RenderByPhotons(const Intersector& scene, const Options& options,
+                             const GlobalOptions& global,
+                             const std::function<absl::Status(const Image&)>& finish) {
   PhotonMapClient client(global.server, global.timeout);
   // Before any work: is there a server?
   if (const auto info = client.GetServerInfo(); !info.ok()) return info.status();
@@ -123,23 +168,26 @@ absl::StatusOr<Image> RenderByPhotons(const Intersector& scene, const Options& o
   times.build_s = maps->seconds;
 
   const auto render_begin = Clock::now();
-  auto render = GatherPicture(scene, client, maps->refs(), options);
+  const auto render = GatherPicture(scene, client, maps->refs(), options);
   times.render_s = SecondsSince(render_begin);
+  times.whole_s = SecondsSince(begin);
+  const absl::Status finished = render.ok() ? finish(render->image) : render.status();
+  MapTraversals traversals;
+  if (finished.ok()) traversals = SampleTraversals(client, maps->refs(), *render, options.render);
   if (!options.keep_maps) {
     const auto deleted = DeleteMaps(client, maps->refs());
-    if (render.ok() && !deleted.ok()) return deleted;
+    if (finished.ok() && !deleted.ok())
+      Warn(fmt::format("the maps are not deleted: {}", std::string(deleted.message())));
   }
-  if (!render.ok()) return render.status();
-  times.whole_s = SecondsSince(begin);
-  fmt::print("{}", FormatRender(*photons, *maps, *render, times));
-  return std::move(render->image);
+  if (!finished.ok()) return finished;
+  fmt::print("{}", FormatRender(*photons, *maps, *render, traversals, times));
+  return absl::OkStatus();
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  auto scene = MakeScene(options.scene);
-  if (!scene.ok()) return scene.status();
-  const auto intersector = Intersector::Create(*std::move(scene));
-  if (!intersector.ok()) return intersector.status();
+  // Before any work: can the picture be written, and is there what it is compared with?
+  auto outputs = OpenOutputs(options.output_paths);
+  if (!outputs.ok()) return outputs.status();
   std::optional<Image> reference;
   if (!options.compare_path.empty()) {
     auto read = ReadExr(options.compare_path);
@@ -150,10 +198,16 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
       return size.status();
     }
   }
-  const auto image = options.reference ? RenderReference(*intersector, options)
-                                       : RenderByPhotons(*intersector, options, global);
-  if (!image.ok()) return image.status();
-  return Finish(*image, reference, options);
+  auto scene = MakeScene(options.scene);
+  if (!scene.ok()) return scene.status();
+  const auto intersector = Intersector::Create(*std::move(scene));
+  if (!intersector.ok()) return intersector.status();
+  const auto finish = [&](const Image& image) {
+    return Finish(image, reference, options, *outputs);
+  };
+  if (!options.reference) return RenderByPhotons(*intersector, options, global, finish);
+  const auto image = RenderReference(*intersector, options);
+  return image.ok() ? finish(*image) : image.status();
 }
 
 void AddEstimateOptions(CLI::App& command, const std::string& prefix, const std::string& what,
@@ -165,7 +219,7 @@ void AddEstimateOptions(CLI::App& command, const std::string& prefix, const std:
       ->check(CLI::Range(0u, kMaxNeighbors));
   command.add_option("--" + prefix + "radius", estimate.radius, "Its largest radius, scene units")
       ->capture_default_str()
-      ->check(CLI::Range(1e-6, 1e6));
+      ->check(NumberIn(1e-6, 1e6));
 }
 
 void AddPictureOptions(CLI::App& command, Options& options) {
@@ -183,7 +237,9 @@ void AddPictureOptions(CLI::App& command, Options& options) {
                   fmt::format("Samples per pixel (default: {}; {} with --reference)",
                               options.render.camera.samples_per_pixel, kReferenceSamples))
       ->check(CLI::Range(1, 1 << 20));
-  command.add_option("--seed", options.seed, "Of all random numbers")->capture_default_str();
+  command.add_option("--seed", options.seed, "Of all random numbers")
+      ->capture_default_str()
+      ->check(WithoutSign());
   command
       .add_option("--output", options.output_paths,
                   "Picture, .png (sRGB) or .exr (linear); may be given more than once")
@@ -192,7 +248,8 @@ void AddPictureOptions(CLI::App& command, Options& options) {
         return IsImagePath(path) ? std::string() : path + " ends neither in .png nor in .exr";
       });
   command.add_option("--exposure", options.file.exposure, "Of the PNG, stops")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(NumberIn(-100, 100));
   command.add_option("--compare", options.compare_path,
                      "EXR of the same size, to tell the error against");
   command.add_flag("--reference", options.reference, "Path-trace instead: needs no server");
@@ -204,9 +261,15 @@ void AddPhotonOptions(CLI::App& command, Options& options) {
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}));
   AddEstimateOptions(command, "", "indirect light", options.render.indirect);
   AddEstimateOptions(command, "caustic-", "caustics", options.render.caustic);
-  command.add_option("--map-name", options.map_name,
-                     "The maps are NAME.indirect and NAME.caustic (default: the scene's name)");
-  command.add_flag("--keep-map", options.keep_maps, "Leave the maps on the server");
+  command
+      .add_option("--map-name", options.map_name,
+                  "The maps are NAME.indirect and NAME.caustic (default: the scene's name)")
+      ->check(ServerName());
+  command.add_flag(
+      "--keep-map", options.keep_maps,
+      fmt::format("Leave the maps on the server; else they are deleted at the end, and "
+                  "by the server after {} h where that fails",
+                  kTimeToLive.count()));
 }
 
 }  // namespace
@@ -221,7 +284,12 @@ void AddRenderCommand(CLI::App& app, GlobalOptions& global) {
     if (options->reference && options->samples_per_pixel == 1u) {
       throw CLI::ValidationError("--spp", "a reference needs at least 2, to tell its noise");
     }
-    if (options->output_paths.empty()) options->output_paths = {options->scene + ".png"};
+    auto& paths = options->output_paths;
+    if (paths.empty()) paths = {options->scene + ".png"};
+    for (auto path = paths.begin(); path != paths.end(); ++path) {
+      if (std::find(paths.begin(), path, *path) != path)
+        throw CLI::ValidationError("--output", *path + " is given twice");
+    }
     global.action = [options, &global] { return Run(*options, global); };
   });
 }

@@ -18,15 +18,19 @@ std::string StageTime(const std::optional<v1::BuildPhotonMapResponse>& built,
   return "-";
 }
 
-std::string PerSecond(const GatherCost& cost) {
-  return cost.kernel_us > 0
-             ? fmt::format("{:.0f}", 1e6 * static_cast<double>(cost.queries) / cost.kernel_us)
-             : "-";
+std::string PerSecond(std::uint64_t queries, double seconds) {
+  return queries > 0 && seconds > 0 ? fmt::format("{:.0f}", static_cast<double>(queries) / seconds)
+                                    : "-";
+}
+
+std::string Mean(const std::optional<TraversalCost>& traversal, double TraversalCost::*count) {
+  return traversal ? fmt::format("{:.1f}", *traversal.*count) : "-";
 }
 
 Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
-               const PhotonRenderedImage& render) {
-  Table table{.head = {"", "indirect", "caustic"}, .rows = {}};
+               const PhotonRenderedImage& render, const MapTraversals& traversals,
+               double render_s) {
+  Table table{.head = {"", "indirect map", "caustic map"}, .rows = {}};
   const auto row = [&table](const std::string& name, const std::string& a, const std::string& b) {
     table.rows.push_back({name, a, b});
   };
@@ -44,13 +48,21 @@ Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
   row("receive and build", total(maps.indirect), total(maps.caustic));
   const GatherCost &a = render.indirect, &b = render.caustic;
   row("gathers", fmt::to_string(a.queries), fmt::to_string(b.queries));
-  row("gathers/s of kernel time", PerSecond(a), PerSecond(b));
-  row("nodes per gather", fmt::format("{:.1f}", a.nodes_per_query),
-      fmt::format("{:.1f}", b.nodes_per_query));
-  row("photons compared per gather", fmt::format("{:.1f}", a.tests_per_query),
-      fmt::format("{:.1f}", b.tests_per_query));
+  row("gathers/s of kernel time", PerSecond(a.queries, 1e-6 * a.kernel_us),
+      PerSecond(b.queries, 1e-6 * b.kernel_us));
+  row("gathers/s of wall time (picture, both maps at once)", PerSecond(a.queries, render_s),
+      PerSecond(b.queries, render_s));
+  const auto sampled = [](const std::string& what) {
+    return fmt::format("{} per gather (sample: 1 of {})", what, kSampleStride);
+  };
+  row(sampled("nodes"), Mean(traversals.indirect, &TraversalCost::nodes_per_query),
+      Mean(traversals.caustic, &TraversalCost::nodes_per_query));
+  row(sampled("photons compared"), Mean(traversals.indirect, &TraversalCost::tests_per_query),
+      Mean(traversals.caustic, &TraversalCost::tests_per_query));
   return table;
 }
+
+}  // namespace
 
 std::string FormatEnergy(const TracedPhotons& photons) {
   const auto sum = [](const EnergyBalance::Power& power) { return power[0] + power[1] + power[2]; };
@@ -63,14 +75,14 @@ std::string FormatEnergy(const TracedPhotons& photons) {
       percent * sum(energy.escaped), percent * sum(energy.roulette), percent * sum(energy.cut));
 }
 
-}  // namespace
-
 std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
-                         const PhotonRenderedImage& render, const RenderTimes& times) {
+                         const PhotonRenderedImage& render, const MapTraversals& traversals,
+                         const RenderTimes& times) {
   const auto mega = [](std::uint64_t rays, double seconds) {
     return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
   };
-  return Format(MapTable(photons, maps, render)) + FormatEnergy(photons) +
+  return Format(MapTable(photons, maps, render, traversals, times.render_s)) +
+         FormatEnergy(photons) +
          fmt::format(
              "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} s "
              "(camera {:.2f} s, {:.1f} Mrays/s; waiting for gathers {:.2f} s), in all {:.2f} s\n",

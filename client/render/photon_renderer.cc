@@ -16,7 +16,6 @@ namespace {
 
 constexpr std::size_t kSamplesPerBatch = 32768;  // of the camera
 constexpr std::size_t kQueriesPerMessage = 65536;
-constexpr std::size_t kStatisticsStride = 64;  // one query in so many is asked for its statistics
 
 /// Runs `work` and adds the seconds that it took to `seconds`.
 template <typename Work>
@@ -31,10 +30,8 @@ auto Timed(double& seconds, Work work) {
 class MapGather {
  public:
   MapGather(PhotonMapClient& client, const MapRef& map, const EstimateOptions& estimate)
-      : client_(client),
-        map_(map),
-        options_{.k = estimate.k, .radius = estimate.radius, .outputs = kOutputDensity},
-        pipeline_(client, map, options_) {}
+      : pipeline_(client, map,
+                  {.k = estimate.k, .radius = estimate.radius, .outputs = kOutputDensity}) {}
 
   absl::Status Send(const CameraBatch& batch) {
     const std::span<const float> positions(batch.positions), normals(batch.normals);
@@ -45,10 +42,10 @@ class MapGather {
                                           .radii = {}});
       if (!status.ok()) return status;
     }
-    // The sample for the statistics, at even distances over all batches.
-    for (; next_sample_ < cost_.queries + batch.size(); next_sample_ += kStatisticsStride) {
+    // The sample, at even distances over all batches.
+    for (; next_sample_ < cost_.queries + batch.size(); next_sample_ += kSampleStride) {
       const auto position = positions.subspan(3 * (next_sample_ - cost_.queries), 3);
-      sample_.insert(sample_.end(), position.begin(), position.end());
+      cost_.sample.insert(cost_.sample.end(), position.begin(), position.end());
     }
     cost_.queries += batch.size();
     return absl::OkStatus();
@@ -71,30 +68,12 @@ class MapGather {
     return absl::OkStatus();
   }
 
-  /// Gathers the sample once more for its statistics.
-  absl::StatusOr<GatherCost> Finish() {
-    if (sample_.empty()) return cost_;
-    options_.outputs = kOutputStatistics;
-    const auto answer =
-        client_.Gather(map_, {.positions = sample_, .normals = {}, .radii = {}}, options_);
-    if (!answer.ok()) return answer.status();
-    const auto mean = [](const std::vector<std::uint32_t>& counts) {
-      return std::accumulate(counts.begin(), counts.end(), 0.0) /
-             static_cast<double>(counts.size());
-    };
-    cost_.nodes_per_query = mean(answer->result.nodes_visited);
-    cost_.tests_per_query = mean(answer->result.distance_tests);
-    return cost_;
-  }
+  const GatherCost& cost() const { return cost_; }
 
  private:
-  PhotonMapClient& client_;
-  MapRef map_;
-  GatherOptions options_;
   GatherPipeline pipeline_;
   GatherCost cost_;
   std::uint64_t next_sample_ = 0;
-  std::vector<float> sample_;  // [3n] positions
 };
 
 /// A camera batch on its way: its first pixel and, as long as the server works on it, what it
@@ -178,14 +157,23 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   if (const auto status = Timed(result.wait_s, [&] { return receive(*sent); }); !status.ok())
     return status;
 
-  for (const auto& [gather, cost] :
-       {std::pair{&indirect, &result.indirect}, {&caustic, &result.caustic}}) {
-    if (!*gather) continue;
-    auto finished = (*gather)->Finish();
-    if (!finished.ok()) return finished.status();
-    *cost = *finished;
-  }
+  if (indirect) result.indirect = indirect->cost();
+  if (caustic) result.caustic = caustic->cost();
   return result;
+}
+
+absl::StatusOr<TraversalCost> GatherSample(PhotonMapClient& client, const MapRef& map,
+                                           const EstimateOptions& estimate,
+                                           const std::vector<float>& sample) {
+  const auto answer =
+      client.Gather(map, {.positions = sample, .normals = {}, .radii = {}},
+                    {.k = estimate.k, .radius = estimate.radius, .outputs = kOutputStatistics});
+  if (!answer.ok()) return answer.status();
+  const auto mean = [](const std::vector<std::uint32_t>& counts) {
+    return std::accumulate(counts.begin(), counts.end(), 0.0) / static_cast<double>(counts.size());
+  };
+  return TraversalCost{.nodes_per_query = mean(answer->result.nodes_visited),
+                       .tests_per_query = mean(answer->result.distance_tests)};
 }
 
 }  // namespace treelight::client

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/photon_map_client.h"
@@ -19,6 +20,7 @@ struct EstimateOptions {
   float radius = 0;     ///< scene units, > 0, finite
 };
 
+/// What RenderPhotonMaps renders, and how finely.
 struct PhotonRenderOptions {
   int width = 512, height = 512;  ///< pixels, > 0
   CameraPassOptions camera{};
@@ -33,14 +35,23 @@ struct PhotonMaps {
   std::optional<MapRef> indirect{}, caustic{};
 };
 
+/// One query in so many is in GatherCost::sample.
+inline constexpr std::size_t kSampleStride = 64;
+
 /// What gathers from one map cost.
 struct GatherCost {
   std::uint64_t queries = 0;
-  double kernel_us = 0;        ///< on the server's device
-  double nodes_per_query = 0;  ///< inner nodes + leaves, mean over an even sample of the queries
-  double tests_per_query = 0;  ///< photons compared, likewise
+  double kernel_us = 0;         ///< on the server's device
+  std::vector<float> sample{};  ///< [3n] positions of every kSampleStride-th query
 };
 
+/// What a gather does in the tree of a map, mean over some queries.
+struct TraversalCost {
+  double nodes_per_query = 0;  ///< inner nodes + leaves
+  double tests_per_query = 0;  ///< photons compared
+};
+
+/// A picture, and what it cost.
 struct PhotonRenderedImage {
   Image image;
   std::uint64_t rays = 0;  ///< camera and shadow rays
@@ -58,6 +69,12 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
                                                      PhotonMapClient& client,
                                                      const PhotonMaps& maps,
                                                      const PhotonRenderOptions& options);
+
+/// Gathers at the positions `sample` [3n], n > 0, once more for what that does in the tree of
+/// `map`. Blocks. The errors of PhotonMapClient.
+absl::StatusOr<TraversalCost> GatherSample(PhotonMapClient& client, const MapRef& map,
+                                           const EstimateOptions& estimate,
+                                           const std::vector<float>& sample);
 
 }  // namespace treelight::client
 
