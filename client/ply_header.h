@@ -19,17 +19,19 @@ enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, 
 /// Size of a number in a binary file, bytes.
 std::size_t PlyTypeSize(PlyType type);
 
+/// One `property` line: a number or a list of numbers in every entry of an element.
 struct PlyProperty {
-  std::string name;
-  PlyType type = PlyType::kFloat32;
+  std::string name;                  ///< as in the file
+  PlyType type = PlyType::kFloat32;  ///< of the number, or of those in the list
   std::optional<PlyType>
       list_count_type;  ///< of the count in front of a list; none for a single number
 };
 
+/// One `element` line and its properties: a table of the file, "vertex" for example.
 struct PlyElement {
-  std::string name;
-  std::uint64_t count = 0;  ///< as the header claims
-  std::vector<PlyProperty> properties;
+  std::string name;                     ///< as in the file
+  std::uint64_t count = 0;              ///< as the header claims
+  std::vector<PlyProperty> properties;  ///< in the order of the data
 };
 
 /// The header of a PLY file (Turk 1994, "The PLY Polygon File Format").

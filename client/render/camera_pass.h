@@ -11,10 +11,11 @@
 
 namespace treelight::client {
 
+/// How finely TraceCameraBatch samples.
 struct CameraPassOptions {
   std::uint32_t samples_per_pixel = 4;  ///< > 0
   std::uint32_t light_strata = 2;       ///< squared: shadow rays at each diffuse hit
-  std::uint64_t seed = 1;
+  std::uint64_t seed = 1;               ///< of all random numbers
 };
 
 /// What the camera sees in consecutive pixels but for the light that photons bring.
@@ -26,6 +27,7 @@ struct CameraBatch {
   std::vector<Rgb> weights;  ///< [n] radiance added to the pixel per W / unit^2 of irradiance
   std::uint64_t rays = 0;    ///< shot, shadow rays included
 
+  /// Diffuse hits.
   std::size_t size() const { return pixels.size(); }
 };
 

@@ -12,6 +12,7 @@ namespace treelight::client {
 /// The rays of a pinhole camera through the pixels of a picture.
 class CameraRays {
  public:
+  /// Of a picture of `width` x `height` pixels, > 0.
   CameraRays(const Camera& camera, int width, int height);
 
   /// The ray through (x, y), in pixels from the upper left corner of the picture.

@@ -14,7 +14,8 @@ struct Image {
   int width = 0, height = 0;
   std::vector<Rgb> pixels;  ///< [width * height] rows from the top, each from the left
 
-  Image() = default;
+  Image() = default;  ///< no pixels
+  /// Black.
   Image(int columns, int rows)
       : width(columns), height(rows), pixels(std::size_t(columns) * std::size_t(rows)) {}
 };

@@ -14,6 +14,7 @@
 
 namespace treelight::client {
 
+/// How UploadMaps names its maps, and how long they stay.
 struct MapUploadOptions {
   std::string name = "render";               ///< the maps are NAME.indirect and NAME.caustic
   std::chrono::milliseconds time_to_live{};  ///< 0: the maps stay

@@ -25,21 +25,23 @@ struct PathSample {
 PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray ray,
                      RandomStream& random);
 
+/// What PathTrace renders, and how finely.
 struct PathTraceOptions {
   int width = 512, height = 512;         ///< pixels, > 0
   std::uint32_t samples_per_pixel = 64;  ///< > 1
-  std::uint64_t seed = 1;
+  std::uint64_t seed = 1;                ///< of all random numbers
   /// Called now and then with the samples done, of width * height * samples_per_pixel, on the
   /// calling thread.
   std::function<void(std::uint64_t samples)> progress{};
 };
 
+/// A path-traced picture, and how good it is.
 struct PathTracedImage {
   Image image;
   /// Estimated standard error of a channel of a pixel, root mean square over the picture: half the
   /// difference between the means of the even and of the odd samples.
   double noise = 0;
-  std::uint64_t rays = 0;
+  std::uint64_t rays = 0;  ///< shot, shadow rays included
 };
 
 /// Path-traces the scene of `intersector` as its camera sees it: the reference for every other

@@ -18,8 +18,9 @@ enum class Surface {
   kDielectric,  ///< smooth boundary to a medium with index `ior`; Fresnel, no absorption
 };
 
+/// What a surface is made of.
 struct Material {
-  std::string name;
+  std::string name;  ///< for messages
   Surface surface = Surface::kDiffuse;
   Rgb reflectance;    ///< kDiffuse, kMirror: [0, 1]; the rest is absorbed
   float ior = 1;      ///< kDielectric: index of the inside relative to the outside, > 0
