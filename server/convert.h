@@ -15,8 +15,8 @@
 #include "treelight/v1/photon_map.pb.h"
 
 // Between the wire (photon_map.proto) and core. All that comes in is checked here, once;
-// INVALID_ARGUMENT names field, index and value, RESOURCE_EXHAUSTED the limit, what was asked and
-// what to do.
+// INVALID_ARGUMENT names the field, and index and value where there is one, RESOURCE_EXHAUSTED the
+// limit, what was asked and what to do.
 namespace treelight::server {
 
 /// Longest name of a map, characters; request ids may be as long.
