@@ -37,6 +37,13 @@ void BuildCall::OnReadDone(bool ok) {
   StartRead(&message_);
 }
 
+void BuildCall::OnDone() {
+  // Freeing a large upload takes too long for a thread of gRPC.
+  const std::size_t bytes = record_.bytes_in;
+  state_.RunOnCpu(bytes, [photons = std::move(photons_), upload = std::move(upload_)] {});
+  delete this;
+}
+
 absl::Status BuildCall::TakeMessage() {
   switch (message_.message_case()) {
     case v1::BuildPhotonMapRequest::kHeader:

@@ -20,7 +20,7 @@ class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest
             v1::BuildPhotonMapResponse& response);
 
   void OnReadDone(bool ok) override;
-  void OnDone() override { delete this; }
+  void OnDone() override;
 
  private:
   absl::Status TakeMessage();
