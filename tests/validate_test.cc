@@ -49,8 +49,7 @@ INSTANTIATE_TEST_SUITE_P(
     Defects, ValidateTest,
     testing::Values(
         Defect{"LostPhoton", "invariant 1", [](Tree& tree) { tree.photons.pop_back(); }},
-        Defect{"PhotonTwice", "two leaves",
-               [](Tree& tree) { tree.photons[0] = tree.photons[1]; }},
+        Defect{"PhotonTwice", "two leaves", [](Tree& tree) { tree.photons[0] = tree.photons[1]; }},
         Defect{"MovedPhoton", "has moved", [](Tree& tree) { tree.photons[5].x += 1; }},
         Defect{"UnknownPhoton", "does not exist", [](Tree& tree) { tree.photons[5].id = 1000; }},
         Defect{"WrongCount", "claims", [](Tree& tree) { ++NodeOverNode(tree).left_count; }},
