@@ -12,6 +12,8 @@ DielectricSplit SplitAtHit(const Ray& ray, const Hit& hit) {
 Vec3 SampleScattering(const Ray& ray, const Hit& hit, float u, float v) {
   switch (hit.material->surface) {
     case Surface::kDiffuse:
+    case Surface::kGlossy:
+    case Surface::kPane:
       break;
     case Surface::kMirror:
       return Reflect(ray.direction, hit.normal);
