@@ -49,24 +49,34 @@ class CameraTask {
     if (hit.front) batch_.radiance.back() += branch.weight * material.emission;
     switch (material.surface) {
       case Surface::kDiffuse:
-        return ShadeDiffuse(branch.weight * material.reflectance, hit, random);
+        return ShadeDiffuse(branch, hit, random);
+      case Surface::kGlossy:
+        ShadeDiffuse(branch, hit, random);
+        return FollowOne(branch, hit, random);
       case Surface::kMirror:
-        return Follow(branch, hit, Reflect(branch.ray.direction, hit.normal),
-                      branch.weight * material.reflectance);
+      case Surface::kPane:
+        return FollowOne(branch, hit, random);
       case Surface::kDielectric:
         break;
     }
     const DielectricSplit split = SplitAtHit(branch.ray, hit);
     const Rgb reflected = split.reflectance * branch.weight;
-    const Rgb refracted = (1 - split.reflectance) * branch.weight;
+    const Rgb refracted = (1 - split.reflectance) * (branch.weight * material.transmittance);
     if (split.refracted &&
         std::min(MaxChannel(reflected), MaxChannel(refracted)) >= kMinSplitWeight * share) {
       Follow(branch, hit, split.reflected, reflected);
       Follow(branch, hit, *split.refracted, refracted);
     } else {
-      const float u = random.Uniform();
-      Follow(branch, hit, SampleScattering(branch.ray, hit, u, 0), branch.weight);
+      FollowOne(branch, hit, random);
     }
+  }
+
+  /// Follows one specular event, chosen at random.
+  void FollowOne(const Branch& branch, const Hit& hit, RandomStream& random) {
+    const float u = random.Uniform(), v = random.Uniform();
+    const auto scattering =
+        SampleScattering(branch.ray, hit, PathFrom::kCamera, u, v, Lobes::kSpecular);
+    if (scattering) Follow(branch, hit, scattering->direction, branch.weight * scattering->weight);
   }
 
   void Follow(const Branch& branch, const Hit& hit, const Vec3& direction, const Rgb& weight) {
@@ -74,9 +84,12 @@ class CameraTask {
     branches_.push_back({LeaveSurface(hit, direction), weight, branch.specular_hits + 1});
   }
 
-  void ShadeDiffuse(const Rgb& reflected, const Hit& hit, RandomStream& random) {
-    if (!(MaxChannel(reflected) > 0)) return;
-    const Rgb weight = std::numbers::inv_pi_v<float> * reflected;  // radiance per irradiance
+  /// Notes where photons are to be gathered, and adds direct light. A lobe meets area lights when
+  /// it is followed, but point lights only here.
+  void ShadeDiffuse(const Branch& branch, const Hit& hit, RandomStream& random) {
+    if (!ScattersWidely(*hit.material)) return;
+    const Rgb weight =  // radiance per irradiance
+        std::numbers::inv_pi_v<float> * (branch.weight * hit.material->reflectance);
     batch_.positions.insert(batch_.positions.end(),
                             {hit.position.x, hit.position.y, hit.position.z});
     batch_.normals.insert(batch_.normals.end(), {hit.normal.x, hit.normal.y, hit.normal.z});
@@ -86,17 +99,21 @@ class CameraTask {
 
     // One shadow ray to each cell of a grid over the lights.
     const std::uint32_t strata = options_.light_strata;
-    Rgb irradiance;
+    Rgb reflected;
     for (std::uint32_t i = 0; i < strata * strata; ++i) {
       const float u =
           (static_cast<float>(i % strata) + random.Uniform()) / static_cast<float>(strata);
       const float v =
           (static_cast<float>(i / strata) + random.Uniform()) / static_cast<float>(strata);
       const auto light = SampleDirectLight(intersector_, lights_, hit, u, v);
-      if (light) irradiance += light->irradiance;
+      if (!light) continue;
+      const Lobes lobes = light->density > 0 ? Lobes::kDiffuse : Lobes::kAll;
+      reflected +=
+          EvaluateScattering(branch.ray, hit, light->direction, lobes).value * light->irradiance;
     }
     batch_.rays += strata * strata;
-    batch_.radiance.back() += (1 / static_cast<float>(strata * strata)) * (weight * irradiance);
+    batch_.radiance.back() +=
+        (1 / static_cast<float>(strata * strata)) * (branch.weight * reflected);
   }
 
   const Intersector& intersector_;

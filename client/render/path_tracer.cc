@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "client/render/camera_rays.h"
@@ -31,52 +30,45 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
                      RandomStream& random) {
   PathSample sample;
   Rgb throughput{1, 1, 1};
-  // Density [1 / sr] with which a diffuse surface chose the direction of `ray`; 0 after a camera,
-  // mirror or glass.
-  float density = 0;
+  // Density [1 / sr] with which a surface chose the direction of `ray`; 0 after a camera, mirror or
+  // glass. Panes let the ray go straight on: `travelled` is how far it came since that choice.
+  float density = 0, travelled = 0;
   for (std::uint32_t surface = 1;; ++surface) {
     ++sample.rays;
     const auto hit = intersector.Intersect(ray);
     if (!hit) return sample;
     const Material& material = *hit->material;
+    travelled += hit->distance;
 
     // Light that was hit, weighted against having sampled it.
     if (hit->front && MaxChannel(material.emission) > 0) {
-      float weight = 1;
-      if (density > 0) {
-        const float cosine = -Dot(ray.direction, hit->normal);
-        const float light_density =
-            lights.Density(material) * hit->distance * hit->distance / cosine;
-        weight = density / (density + light_density);
-      }
+      const float weight = BalanceWeight(density, lights.Density(*hit, ray.direction, travelled));
       sample.radiance += weight * (throughput * material.emission);
     }
 
     // Light that is sampled, weighted against hitting it.
-    if (material.surface == Surface::kDiffuse && MaxChannel(material.reflectance) > 0 &&
-        !lights.empty()) {
+    if (ScattersWidely(material) && !lights.empty()) {
       ++sample.rays;
       const float u = random.Uniform(), v = random.Uniform();
       if (const auto light = SampleDirectLight(intersector, lights, *hit, u, v)) {
-        const float weight = light->density / (light->density + light->scatter_density);
-        sample.radiance += (weight / std::numbers::pi_v<float>)*(throughput * material.reflectance *
-                                                                 light->irradiance);
+        const ScatterValue scattered = EvaluateScattering(ray, *hit, light->direction);
+        const float weight = BalanceWeight(light->density, scattered.density);
+        sample.radiance += weight * (throughput * scattered.value * light->irradiance);
       }
     }
 
-    if (material.surface != Surface::kDielectric) throughput = throughput * material.reflectance;
+    const float u = random.Uniform(), v = random.Uniform();
+    const auto scattering = SampleScattering(ray, *hit, PathFrom::kCamera, u, v);
+    if (!scattering) return sample;
+    throughput = throughput * scattering->weight;
     if (!(MaxChannel(throughput) > 0)) return sample;
     if (surface > kSurfacesBeforeRoulette) {
       const float survival = std::min(MaxChannel(throughput), kMaxSurvival);
       if (!(random.Uniform() < survival)) return sample;
       throughput = (1 / survival) * throughput;
     }
-    const float u = random.Uniform(), v = random.Uniform();
-    const Vec3 direction = SampleScattering(ray, *hit, u, v);
-    density = material.surface == Surface::kDiffuse
-                  ? std::max(0.0f, Dot(direction, hit->normal)) / std::numbers::pi_v<float>
-                  : 0;
-    ray = LeaveSurface(*hit, direction);
+    if (scattering->event != Event::kPassage) density = scattering->density, travelled = 0;
+    ray = LeaveSurface(*hit, scattering->direction);
   }
 }
 

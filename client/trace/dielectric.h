@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "client/scenes/color.h"
 #include "core/model/box.h"
 
 namespace treelight::client {
@@ -21,6 +22,21 @@ struct DielectricSplit {
 /// `direction` is unit, towards the boundary; `normal` is unit, on the side that the light comes
 /// from; `ior_ratio` is the index of the side it comes from divided by the index of the other side.
 DielectricSplit SplitAtDielectric(const Vec3& direction, const Vec3& normal, float ior_ratio);
+
+/// What a pane does with light: a sheet thinner than anything else, between whose faces it goes to
+/// and fro. Shares of the power; what is missing to 1 is absorbed.
+struct PaneSplit {
+  Rgb reflected;  ///< into the mirror direction
+  Rgb passed;     ///< straight on
+};
+
+/// All orders of reflection between the faces of a sheet, each with reflectance R by Fresnel's
+/// equations, that lets the share t through on each way from one face to the other:
+///   reflected = R + (1 - R)^2 R t^2 / (1 - R^2 t^2), which for t = 1 is 2 R / (1 + R)
+///   passed = (1 - R)^2 t / (1 - R^2 t^2)
+/// `cosine` of the angle of incidence is in [0, 1]; `ior` is the index of the sheet relative to
+/// what is around it.
+PaneSplit SplitAtPane(float cosine, float ior, const Rgb& transmittance);
 
 }  // namespace treelight::client
 

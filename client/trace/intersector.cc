@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "client/scenes/vector.h"
+#include "client/trace/dielectric.h"
 #include "embree3/rtcore.h"
 #include "fmt/format.h"
 
@@ -90,6 +91,10 @@ absl::Status CheckScene(const Scene& scene) {
     return absl::InvalidArgumentError(fmt::format("mesh has {} triangles but {} materials",
                                                   mesh.corners.size(), mesh.materials.size()));
   }
+  if (!mesh.normals.empty() && mesh.normals.size() != mesh.vertices.size()) {
+    return absl::InvalidArgumentError(fmt::format("mesh has {} vertices but {} normals",
+                                                  mesh.vertices.size(), mesh.normals.size()));
+  }
   for (std::size_t i = 0; i < mesh.corners.size(); ++i) {
     for (const std::uint32_t corner : mesh.corners[i]) {
       if (corner >= mesh.vertices.size()) {
@@ -114,6 +119,22 @@ absl::Status CheckScene(const Scene& scene) {
     }
     if (MaxChannel(scene.materials[sphere.material].emission) > 0) {
       return absl::InvalidArgumentError(fmt::format("sphere {} emits; only triangles may", i));
+    }
+  }
+  for (std::size_t i = 0; i < scene.point_lights.size(); ++i) {
+    const PointLight& light = scene.point_lights[i];
+    if (!(light.cone_degrees > 0 && light.cone_degrees <= 180)) {
+      return absl::InvalidArgumentError(
+          fmt::format("point light {}: cone_degrees {} is not in (0, 180]", i, light.cone_degrees));
+    }
+    if (!(light.falloff_begin_degrees >= 0 && light.falloff_begin_degrees <= light.cone_degrees)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "point light {}: falloff_begin_degrees {} is not between 0 and cone_degrees, {}", i,
+          light.falloff_begin_degrees, light.cone_degrees));
+    }
+    if (!(std::fabs(Dot(light.direction, light.direction) - 1) < 1e-3f)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "point light {}: the length of its direction is {}, not 1", i, Length(light.direction)));
     }
   }
   return absl::OkStatus();
@@ -158,6 +179,22 @@ Vec3 KeepInside(const Vec3& position, const Vec3& a, const Vec3& ab, const Vec3&
   return length > kReach * largest ? position + (kReach * largest / length) * inward : position;
 }
 
+/// The vertex normals of a triangle at the barycentric coordinates (u, v), unit, on the side of its
+/// own unit normal; that one where the mesh has none, or where they cancel.
+Vec3 InterpolateNormal(const Mesh& mesh, std::uint32_t triangle, float u, float v,
+                       const Vec3& own) {
+  if (mesh.normals.empty()) return own;
+  const auto corner = [&](int i) {
+    const Vec3& normal = mesh.normals[mesh.corners[triangle][i]];
+    return normal == Vec3{} ? own : normal;
+  };
+  const Vec3 sum = (1 - u - v) * corner(0) + u * corner(1) + v * corner(2);
+  const float squared_length = Dot(sum, sum), cosine = Dot(sum, own);
+  if (!(squared_length > 1e-6f) || cosine == 0) return own;
+  // Files do not agree on which side of their triangles the normals are.
+  return ((cosine < 0 ? -1 : 1) / std::sqrt(squared_length)) * sum;
+}
+
 }  // namespace
 
 Vec3 OffsetFromSurface(const Vec3& position, const Vec3& normal) {
@@ -174,12 +211,16 @@ struct Intersector::Impl {
   Scene scene;  // Embree's callbacks point at it: it never moves
   Owned<RTCDevice> device;
   Owned<RTCScene> rtc_scene;
+  bool has_panes = false;
 };
 
 absl::StatusOr<Intersector> Intersector::Create(Scene scene) {
   if (const auto status = CheckScene(scene); !status.ok()) return status;
   auto impl = std::make_unique<Impl>();
   impl->scene = std::move(scene);
+  impl->has_panes = std::ranges::any_of(impl->scene.materials, [](const Material& material) {
+    return material.surface == Surface::kPane;
+  });
   std::string error;
   impl->device.reset(rtcNewDevice(nullptr));
   if (!impl->device) return absl::InternalError("Embree: no device");
@@ -243,16 +284,19 @@ std::optional<Hit> Intersector::Intersect(const Ray& ray) const {
     const Vec3 ab = scene.mesh.vertices[ib] - a, ac = scene.mesh.vertices[ic] - a;
     hit.position = KeepInside(a + rayhit.hit.u * ab + rayhit.hit.v * ac, a, ab, ac);
     hit.normal = Normalize(Cross(ab, ac));
+    hit.shading_normal =
+        InterpolateNormal(scene.mesh, rayhit.hit.primID, rayhit.hit.u, rayhit.hit.v, hit.normal);
     hit.triangle = rayhit.hit.primID;
     hit.material = &scene.materials[scene.mesh.materials[rayhit.hit.primID]];
   } else {
     const Sphere& sphere = scene.spheres[rayhit.hit.primID];
     hit.normal = Normalize(ray.origin + hit.distance * ray.direction - sphere.center);
+    hit.shading_normal = hit.normal;
     hit.position = sphere.center + sphere.radius * hit.normal;
     hit.material = &scene.materials[sphere.material];
   }
   hit.front = Dot(ray.direction, hit.normal) < 0;
-  if (!hit.front) hit.normal = -hit.normal;
+  if (!hit.front) hit.normal = -hit.normal, hit.shading_normal = -hit.shading_normal;
   return hit;
 }
 
@@ -262,6 +306,23 @@ bool Intersector::Occluded(const Vec3& from, const Vec3& to) const {
   rtcInitIntersectContext(&context);
   rtcOccluded1(impl_->rtc_scene.get(), &context, &ray);
   return ray.tfar < 0;
+}
+
+Rgb Intersector::Transmittance(const Vec3& from, const Vec3& to) const {
+  if (!impl_->has_panes) return Occluded(from, to) ? Rgb{} : Rgb{1, 1, 1};
+  Rgb passed{1, 1, 1};
+  Ray ray{from, to - from};
+  if (!(Dot(ray.direction, ray.direction) > 0)) return passed;
+  ray.direction = Normalize(ray.direction);
+  while (true) {
+    const auto hit = Intersect(ray);
+    if (!hit || hit->distance > Dot(to - ray.origin, ray.direction)) return passed;
+    if (hit->material->surface != Surface::kPane) return {};
+    passed = passed * SplitAtPane(-Dot(ray.direction, hit->normal), hit->material->ior,
+                                  hit->material->transmittance)
+                          .passed;
+    ray = LeaveSurface(*hit, ray.direction);
+  }
 }
 
 }  // namespace treelight::client

@@ -18,9 +18,11 @@ struct Ray {
 /// Where a ray meets a surface.
 struct Hit {
   Vec3 position;
-  Vec3 normal;                            ///< unit, geometric, on the side that the ray comes from
-  float distance = 0;                     ///< scene units
-  bool front = true;                      ///< the ray comes from the front of the surface
+  Vec3 normal;          ///< unit, geometric, on the side that the ray comes from
+  Vec3 shading_normal;  ///< unit, of the smooth surface that the mesh stands for, on the side of
+                        ///< `normal`; the same as `normal` where the mesh has no normals
+  float distance = 0;   ///< scene units
+  bool front = true;    ///< the ray comes from the front of the surface
   const Material* material = nullptr;     ///< of the Intersector's scene
   std::optional<std::uint32_t> triangle;  ///< index in Scene::mesh; nothing for a sphere
 };
@@ -39,8 +41,8 @@ Ray LeaveSurface(const Hit& hit, const Vec3& direction);
 class Intersector {
  public:
   /// Keeps `scene` and builds the acceleration structure. INVALID_ARGUMENT: an index out of range,
-  /// a radius that is not positive or a sphere that emits. INTERNAL: Embree failed; the message is
-  /// Embree's.
+  /// normals that are not one a vertex, a radius that is not positive, a sphere that emits, or a
+  /// cone out of range. INTERNAL: Embree failed; the message is Embree's.
   static absl::StatusOr<Intersector> Create(Scene scene);
 
   Intersector(Intersector&&) noexcept;
@@ -53,6 +55,10 @@ class Intersector {
   /// Whether something stands on the line between two points, ends included: move each off its
   /// surface.
   bool Occluded(const Vec3& from, const Vec3& to) const;
+
+  /// The share of light that gets from one point to the other straight, ends included as for
+  /// Occluded: what panes in between let pass; 0 where something else stands there.
+  Rgb Transmittance(const Vec3& from, const Vec3& to) const;
 
   const Scene& scene() const;
 

@@ -1,6 +1,7 @@
 #include "client/trace/lights.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 #include "client/scenes/vector.h"
@@ -9,45 +10,124 @@
 namespace treelight::client {
 namespace {
 
-float ChannelSum(const Rgb& c) { return c.r + c.g + c.b; }
+constexpr float kPi = std::numbers::pi_v<float>;
+
+double ChannelSum(const Rgb& c) { return double{c.r} + c.g + c.b; }
+
+/// Cosines of the angles from the axis at which the intensity begins to fall and at which it is 0.
+struct Cone {
+  float cos_begin, cos_rim;
+};
+
+Cone ConeOf(const PointLight& light) {
+  const auto cosine = [](float degrees) {
+    return degrees >= 180 ? -1.0f : std::cos(degrees / 180 * kPi);
+  };
+  return {cosine(light.falloff_begin_degrees), cosine(light.cone_degrees)};
+}
+
+/// The s in [0, 1] at which the integral of 3 s^2 - 2 s^3 from 0, s^3 - s^4 / 2, is `share` of that
+/// to 1.
+float InvertFalloff(float share) {
+  float low = 0, high = 1;
+  for (int i = 0; i < 24; ++i) {  // as many bits as `share` has
+    const float s = (low + high) / 2;
+    ((2 - s) * s * s * s < share ? low : high) = s;
+  }
+  return (low + high) / 2;
+}
+
+/// Draws a direction in proportion to the intensity: uniform by the cosine inside, and in the
+/// falloff, which has half the power of as much full light, by its integral.
+Vec3 SampleIntensity(const PointLight& light, float s, float t) {
+  const auto [cos_begin, cos_rim] = ConeOf(light);
+  const float inside = 1 - cos_begin, falloff = (cos_begin - cos_rim) / 2;
+  const float place = s * (inside + falloff);
+  const float cosine =
+      place < inside || !(falloff > 0)
+          ? 1 - place
+          : cos_rim + (cos_begin - cos_rim) * InvertFalloff(1 - (place - inside) / falloff);
+  return DirectionAround(light.direction, std::max(cosine, -1.0f), t);
+}
 
 }  // namespace
 
+Rgb IntensityTowards(const PointLight& light, const Vec3& direction) {
+  const auto [cos_begin, cos_rim] = ConeOf(light);
+  const float cosine = Dot(light.direction, direction);
+  if (cosine >= cos_begin || cos_begin <= -1) return light.intensity;
+  if (cosine <= cos_rim) return {};
+  const float s = (cosine - cos_rim) / (cos_begin - cos_rim);
+  return (s * s * (3 - 2 * s)) * light.intensity;
+}
+
+Rgb PowerOf(const PointLight& light) {
+  const auto [cos_begin, cos_rim] = ConeOf(light);
+  return (kPi * (2 - cos_begin - cos_rim)) * light.intensity;
+}
+
 Lights::Lights(const Scene& scene) {
+  const auto add = [this](Light light, const Rgb& power) {
+    if (!(ChannelSum(power) > 0)) return;
+    light.first = weight_;
+    weight_ += ChannelSum(power);
+    light.last = weight_;
+    power_ += power;
+    lights_.push_back(light);
+  };
   for (std::size_t i = 0; i < scene.mesh.corners.size(); ++i) {
     const Rgb& emission = scene.materials[scene.mesh.materials[i]].emission;
+    if (!(MaxChannel(emission) > 0)) continue;
     const auto& [ia, ib, ic] = scene.mesh.corners[i];
     const Vec3 a = scene.mesh.vertices[ia], b = scene.mesh.vertices[ib],
                c = scene.mesh.vertices[ic];
     const Vec3 cross = Cross(b - a, c - a);
     const float area = Length(cross) / 2;
-    if (!(MaxChannel(emission) > 0) || !(area > 0)) continue;
-    const double first = weight_;
-    weight_ += double{area} * ChannelSum(emission);
-    power_ += (std::numbers::pi_v<float> * area) * emission;
-    triangles_.push_back({a, b, c, Normalize(cross), emission, first, weight_});
+    if (!(area > 0)) continue;
+    add({.a = a, .b = b, .c = c, .normal = Normalize(cross), .emission = emission, .area = area},
+        (kPi * area) * emission);
   }
-  for (Triangle& triangle : triangles_) triangle.first /= weight_, triangle.last /= weight_;
+  for (const PointLight& light : scene.point_lights) {
+    add({.point = &light, .a = light.position, .b = {}, .c = {}, .normal = {}, .emission = {}},
+        PowerOf(light));
+  }
+  for (Light& light : lights_) light.first /= weight_, light.last /= weight_;
 }
 
 LightPoint Lights::Sample(float u, float v) const {
-  const auto chosen = std::min(std::upper_bound(triangles_.begin(), triangles_.end(), double{u},
-                                                [](double value, const Triangle& triangle) {
-                                                  return value < triangle.last;
-                                                }),
-                               triangles_.end() - 1);
-  // What is left of u within the triangle's share is uniform again.
+  const auto chosen = std::min(
+      std::upper_bound(lights_.begin(), lights_.end(), double{u},
+                       [](double value, const Light& light) { return value < light.last; }),
+      lights_.end() - 1);
   const double share = chosen->last - chosen->first;
+  LightPoint point{.position = chosen->a,
+                   .probability = static_cast<float>(share),
+                   .point = chosen->point,
+                   .normal = chosen->normal,
+                   .emission = chosen->emission};
+  if (chosen->point != nullptr) return point;
+  // What is left of u within the triangle's share is uniform again.
   const auto rest = static_cast<float>(std::clamp((u - chosen->first) / share, 0.0, 1.0));
-  const Vec3 point = TrianglePoint(chosen->a, chosen->b, chosen->c, rest, v);
-  return {.position = OffsetFromSurface(point, chosen->normal),
-          .normal = chosen->normal,
-          .emission = chosen->emission,
-          .density = static_cast<float>(ChannelSum(chosen->emission) / weight_)};
+  point.position =
+      OffsetFromSurface(TrianglePoint(chosen->a, chosen->b, chosen->c, rest, v), chosen->normal);
+  point.density = point.probability / chosen->area;
+  return point;
 }
 
-float Lights::Density(const Material& material) const {
-  return static_cast<float>(ChannelSum(material.emission) / weight_);
+float Lights::Density(const Hit& hit, const Vec3& direction, float distance) const {
+  // Probability of the triangle over its area.
+  const auto density = static_cast<float>(kPi * ChannelSum(hit.material->emission) / weight_);
+  return density * distance * distance / std::fabs(Dot(direction, hit.normal));
+}
+
+Emission SampleEmission(const Lights& lights, float u, float v, float s, float t) {
+  const LightPoint light = lights.Sample(u, v);
+  if (light.point != nullptr) {
+    return {.ray = {light.position, SampleIntensity(*light.point, s, t)},
+            .power = (1 / light.probability) * PowerOf(*light.point)};
+  }
+  return {.ray = {light.position, CosineDirection(light.normal, s, t)},
+          .power = (kPi / light.density) * light.emission};
 }
 
 std::optional<DirectLight> SampleDirectLight(const Intersector& intersector, const Lights& lights,
@@ -57,14 +137,22 @@ std::optional<DirectLight> SampleDirectLight(const Intersector& intersector, con
   const Vec3 path = light.position - origin;
   const float squared_distance = Dot(path, path);
   if (!(squared_distance > 0)) return std::nullopt;
-  const Vec3 direction = Normalize(path);
-  const float cos_surface = Dot(direction, hit.normal), cos_light = -Dot(direction, light.normal);
-  if (cos_surface <= 0 || cos_light <= 0) return std::nullopt;
-  if (intersector.Occluded(origin, light.position)) return std::nullopt;
-  const float density = light.density * squared_distance / cos_light;
-  return DirectLight{.irradiance = (cos_surface / density) * light.emission,
-                     .density = density,
-                     .scatter_density = cos_surface / std::numbers::pi_v<float>};
+  DirectLight direct{.direction = Normalize(path), .irradiance = {}};
+  if (Dot(direct.direction, hit.normal) <= 0 || Dot(direct.direction, hit.shading_normal) <= 0)
+    return std::nullopt;
+  if (light.point != nullptr) {
+    direct.irradiance = (1 / (squared_distance * light.probability)) *
+                        IntensityTowards(*light.point, -direct.direction);
+  } else {
+    const float cos_light = -Dot(direct.direction, light.normal);
+    if (cos_light <= 0) return std::nullopt;
+    direct.density = light.density * squared_distance / cos_light;
+    direct.irradiance = (1 / direct.density) * light.emission;
+  }
+  if (!(MaxChannel(direct.irradiance) > 0)) return std::nullopt;
+  direct.irradiance = direct.irradiance * intersector.Transmittance(origin, light.position);
+  if (!(MaxChannel(direct.irradiance) > 0)) return std::nullopt;
+  return direct;
 }
 
 }  // namespace treelight::client

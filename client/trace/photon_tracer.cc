@@ -1,12 +1,10 @@
 #include "client/trace/photon_tracer.h"
 
 #include <algorithm>
-#include <numbers>
 #include <vector>
 
 #include "client/trace/lights.h"
 #include "client/trace/random.h"
-#include "client/trace/sampling.h"
 #include "client/trace/scatter.h"
 #include "core/model/octahedral.h"
 #include "fmt/format.h"
@@ -63,7 +61,7 @@ struct Batch {
 /// on with.
 bool Survive(const Rgb& reflectance, float u, Rgb& power, EnergyBalance& energy) {
   const Rgb reflected = reflectance * power;
-  const float probability = MaxChannel(reflected) / MaxChannel(power);
+  const float probability = std::min(1.0f, MaxChannel(reflected) / MaxChannel(power));
   Add(energy.absorbed, power - reflected);
   Add(energy.roulette, reflected);
   if (!(u < probability)) return false;
@@ -78,10 +76,8 @@ void TracePath(const Intersector& intersector, const Lights& lights,
   // Numbers are drawn in statements of their own: the order in which arguments are evaluated is
   // unspecified.
   float u = random.Uniform(), v = random.Uniform();
-  const LightPoint light = lights.Sample(u, v);
-  u = random.Uniform(), v = random.Uniform();
-  Ray ray{light.position, CosineDirection(light.normal, u, v)};
-  Rgb power = (std::numbers::pi_v<float> / light.density) * light.emission;
+  const float s = random.Uniform(), t = random.Uniform();
+  auto [ray, power] = SampleEmission(lights, u, v, s, t);
   Add(batch.energy.emitted, power);
 
   bool seen_specular = false, seen_diffuse = false;
@@ -89,19 +85,21 @@ void TracePath(const Intersector& intersector, const Lights& lights,
     ++batch.rays;
     const auto hit = intersector.Intersect(ray);
     if (!hit) return Add(batch.energy.escaped, power);
-    const Material& material = *hit->material;
-    if (material.surface == Surface::kDiffuse) {
-      if (seen_diffuse) Append(batch.indirect, hit->position, power, ray.direction);
+    const Surface surface = hit->material->surface;
+    const float arrival = ArrivalFactor(ray, *hit);
+    if ((surface == Surface::kDiffuse || surface == Surface::kGlossy) && arrival > 0) {
+      if (seen_diffuse) Append(batch.indirect, hit->position, arrival * power, ray.direction);
       if (!seen_diffuse && seen_specular)
-        Append(batch.caustic, hit->position, power, ray.direction);
+        Append(batch.caustic, hit->position, arrival * power, ray.direction);
     }
-    if (material.surface != Surface::kDielectric &&
-        !Survive(material.reflectance, random.Uniform(), power, batch.energy)) {
-      return;
-    }
-    (material.surface == Surface::kDiffuse ? seen_diffuse : seen_specular) = true;
     u = random.Uniform(), v = random.Uniform();
-    ray = LeaveSurface(*hit, SampleScattering(ray, *hit, u, v));
+    const auto scattering = SampleScattering(ray, *hit, PathFrom::kLight, u, v);
+    if (!scattering) return Add(batch.energy.absorbed, power);
+    if (!Survive(scattering->shading * scattering->weight, random.Uniform(), power, batch.energy))
+      return;
+    if (scattering->event == Event::kDiffuse) seen_diffuse = true;
+    if (scattering->event == Event::kSpecular) seen_specular = true;
+    ray = LeaveSurface(*hit, scattering->direction);
   }
   Add(batch.energy.cut, power);
 }

@@ -7,6 +7,22 @@
 #include "client/scenes/vector.h"
 
 namespace treelight::client {
+namespace {
+
+/// Two unit vectors that make a right-handed frame with the third.
+struct Axes {
+  Vec3 tangent, bitangent;
+};
+
+/// Duff et al. 2017, "Building an Orthonormal Basis, Revisited".
+Axes AxesAbout(const Vec3& normal) {
+  const float sign = std::copysign(1.0f, normal.z);
+  const float a = -1 / (sign + normal.z), b = normal.x * normal.y * a;
+  return {{1 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x},
+          {b, sign + normal.y * normal.y * a, -normal.y}};
+}
+
+}  // namespace
 
 Vec3 CosineDirection(const Vec3& normal, float u, float v) {
   // A point of the unit disc, concentric squares to concentric circles.
@@ -22,13 +38,20 @@ Vec3 CosineDirection(const Vec3& normal, float u, float v) {
   }
   const float dx = radius * std::cos(angle), dy = radius * std::sin(angle);
   const float dz = std::sqrt(std::max(0.0f, 1 - dx * dx - dy * dy));
-
-  // Two axes about the normal (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
-  const float sign = std::copysign(1.0f, normal.z);
-  const float a = -1 / (sign + normal.z), b = normal.x * normal.y * a;
-  const Vec3 tangent{1 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x};
-  const Vec3 bitangent{b, sign + normal.y * normal.y * a, -normal.y};
+  const auto [tangent, bitangent] = AxesAbout(normal);
   return Normalize(dx * tangent + dy * bitangent + dz * normal);
+}
+
+Vec3 PhongDirection(const Vec3& axis, float exponent, float u, float v) {
+  return DirectionAround(axis, std::pow(1 - u, 1 / (exponent + 1)), v);
+}
+
+Vec3 DirectionAround(const Vec3& axis, float cosine, float v) {
+  const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
+  const float angle = 2 * std::numbers::pi_v<float> * v;
+  const auto [tangent, bitangent] = AxesAbout(axis);
+  return Normalize((sine * std::cos(angle)) * tangent + (sine * std::sin(angle)) * bitangent +
+                   cosine * axis);
 }
 
 Vec3 TrianglePoint(const Vec3& a, const Vec3& b, const Vec3& c, float u, float v) {

@@ -9,6 +9,14 @@ namespace treelight::client {
 /// (Malley's method, after Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square").
 Vec3 CosineDirection(const Vec3& normal, float u, float v);
 
+/// Maps (u, v) in [0, 1)^2 to a unit direction about the unit vector `axis` with density
+/// (n + 1) / (2 pi) cos^n of the angle to it, n = `exponent` >= 0, within the hemisphere (Lafortune
+/// and Willems 1994, "Using the Modified Phong Reflectance Model", section 3).
+Vec3 PhongDirection(const Vec3& axis, float exponent, float u, float v);
+
+/// The unit direction at an angle of `cosine` to the unit vector `axis` and of 2 pi v around it.
+Vec3 DirectionAround(const Vec3& axis, float cosine, float v);
+
 /// Maps (u, v) in [0, 1)^2 to a point of the triangle a, b, c, uniform by area (Turk 1990).
 Vec3 TrianglePoint(const Vec3& a, const Vec3& b, const Vec3& c, float u, float v);
 
