@@ -10,6 +10,7 @@ packages=(
   ocl-icd-opencl-dev opencl-clhpp-headers pocl-opencl-icd
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libxxhash-dev
   libgtest-dev libgmock-dev python3-grpcio python3-numpy
+  dpkg-dev file help2man
 )
 
 missing=()

@@ -7,6 +7,15 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS treelightd treelight RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+find_program(HELP2MAN help2man)  # without it there are no manual pages
+if(HELP2MAN)
+  install(CODE "
+    set(HELP2MAN ${HELP2MAN})
+    set(TREELIGHTD $<TARGET_FILE:treelightd>)
+    set(TREELIGHT $<TARGET_FILE:treelight>)
+    set(FOLDER \$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_MANDIR}/man1)" COMPONENT programs)
+  install(SCRIPT cmake/man_pages.cmake COMPONENT programs)
+endif()
 
 # treelight::client, treelight::core and treelight::proto, in this build as for those who install it.
 foreach(library client core proto)

@@ -5,6 +5,7 @@
 set -euo pipefail
 folder=${1:?usage: generate_stubs.sh FOLDER [PROTO_FOLDER]}
 proto=${2:-$(dirname "$0")/../../proto}
+[ -d "$proto" ] || proto=/usr/share/treelight/proto  # where libtreelight-dev has it
 plugin=$(command -v grpc_python_plugin) || { echo 'generate_stubs: install protobuf-compiler-grpc' >&2; exit 1; }
 mkdir -p "$folder"
 protoc -I "$proto" --python_out="$folder" --grpc_out="$folder" \
