@@ -107,6 +107,87 @@ TEST(Intersector, ARayThatLeavesASphereDoesNotMeetItAgain) {
   }
 }
 
+// Rays in all directions, so that a packet holds hits on either kind of shape, misses, and lanes
+// without a ray.
+TEST(Intersector, APacketMeetsWhatItsRaysMeet) {
+  const Intersector intersector = MustIntersect(MakeCornell());
+  std::mt19937 engine(6);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  int hits = 0, misses = 0, spheres = 0;
+  for (std::size_t count = 0; count < 50 * kPacketSize; ++count) {
+    std::vector<Ray> rays;
+    for (std::size_t i = 0; i < count % (kPacketSize + 1); ++i) {
+      const float u = uniform(engine), v = uniform(engine);
+      rays.push_back({{0, 0.8f, 1.2f}, CosineDirection({0, 0, i % 5 == 0 ? 1.0f : -1.0f}, u, v)});
+    }
+    const auto packet = intersector.IntersectPacket(rays);
+    for (std::size_t i = 0; i < kPacketSize; ++i) {
+      const auto hit = i < rays.size() ? intersector.Intersect(rays[i]) : std::nullopt;
+      ASSERT_EQ(packet[i].has_value(), hit.has_value());
+      if (!hit) {
+        ++misses;
+        continue;
+      }
+      ++hits;
+      spheres += !hit->triangle;
+      EXPECT_EQ(packet[i]->material, hit->material);
+      EXPECT_EQ(packet[i]->front, hit->front);
+      EXPECT_NEAR(packet[i]->distance, hit->distance, 1e-5f);
+      EXPECT_LT(Length(packet[i]->position - hit->position), 1e-5f);
+      EXPECT_LT(Length(packet[i]->normal - hit->normal), 1e-4f);
+    }
+  }
+  EXPECT_GT(hits, 1000);
+  EXPECT_GT(spheres, 100);
+  EXPECT_GT(misses, 1000);
+}
+
+// On the triangle between the vertices: normals by barycentric coordinates, on the side of the ray;
+// (0, 0, 0) stands for the triangle's own.
+TEST(Intersector, InterpolatesNormals) {
+  Scene scene;
+  scene.materials = {kGrey};
+  scene.mesh.vertices = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}};  // faces +y
+  scene.mesh.corners = {{0, 1, 2}};
+  scene.mesh.materials = {0};
+  scene.mesh.normals = {{0, 0, 0}, {0, 0.6f, 0.8f}, {0.6f, 0.8f, 0}};
+  for (const bool flipped : {false, true}) {  // some files have them on the other side
+    if (flipped) {
+      for (Vec3& normal : scene.mesh.normals) normal = -normal;
+    }
+    const Intersector intersector = MustIntersect(scene);
+    for (const float side : {1.0f, -1.0f}) {
+      const auto hit = intersector.Intersect({{0.25f, side, 0.5f}, {0, -side, 0}});
+      ASSERT_TRUE(hit);
+      EXPECT_EQ(hit->normal, (Vec3{0, side, 0}));
+      // The vertices weigh 1/4, 1/2 and 1/4.
+      const Vec3 expected = Normalize(Vec3{0.15f, 0.25f + 0.3f + 0.2f, 0.4f});
+      EXPECT_LT(Length(hit->shading_normal - side * expected), 1e-5f);
+    }
+  }
+}
+
+TEST(Intersector, PanesLetTheirShareOfLightPass) {
+  Scene scene = MakeClosedBox(kGrey);
+  scene.materials.push_back({.name = "sheet",
+                             .surface = Surface::kPane,
+                             .reflectance = {},
+                             .ior = 1.5f,
+                             .transmittance = {1, 0.5f, 0}});
+  for (const float y : {0.4f, 0.6f})
+    AddQuad({0, y, 1}, {1, y, 1}, {1, y, 0}, {0, y, 0}, 1, scene.mesh);
+  const Intersector intersector = MustIntersect(scene);
+  const Rgb one = SplitAtPane(1, 1.5f, {1, 0.5f, 0}).passed;
+  const Rgb both = intersector.Transmittance({0.3f, 0.1f, 0.3f}, {0.3f, 0.9f, 0.3f});
+  EXPECT_NEAR(both.r, one.r * one.r, 1e-6);
+  EXPECT_NEAR(both.g, one.g * one.g, 1e-6);
+  EXPECT_EQ(both.b, 0);
+  EXPECT_NEAR(intersector.Transmittance({0.3f, 0.1f, 0.3f}, {0.3f, 0.5f, 0.3f}).r, one.r, 1e-6);
+  EXPECT_EQ(intersector.Transmittance({0.3f, 0.1f, 0.3f}, {0.3f, 0.3f, 0.3f}), (Rgb{1, 1, 1}));
+  EXPECT_EQ(intersector.Transmittance({0.3f, 0.1f, 0.3f}, {0.3f, 1.5f, 0.3f}), Rgb{});
+  EXPECT_TRUE(intersector.Occluded({0.3f, 0.1f, 0.3f}, {0.3f, 0.5f, 0.3f}));
+}
+
 // From outside glass always lets some light in, at 45 degrees bent to asin(sin 45 / 1.5); from
 // inside it reflects all of that angle's light.
 TEST(SplitAtHit, KnowsTheInsideFromTheOutside) {
@@ -146,6 +227,18 @@ TEST(Intersector, RefusesAnInvalidScene) {
   scene.materials[0].emission = {};
   scene.spheres[0].radius = 0;
   EXPECT_EQ(message(scene), "sphere 0: radius 0 is not positive");
+  scene = MakeClosedBox(kGrey);
+  scene.mesh.normals.resize(3);
+  EXPECT_EQ(message(scene), "mesh has 24 vertices but 3 normals");
+  scene = MakeClosedBox(kGrey);
+  scene.point_lights = {{.position = {}, .intensity = {1, 1, 1}, .cone_degrees = 0}};
+  EXPECT_EQ(message(scene), "point light 0: cone_degrees 0 is not in (0, 180]");
+  scene.point_lights[0].cone_degrees = 30;
+  EXPECT_EQ(message(scene),
+            "point light 0: falloff_begin_degrees 180 is not between 0 and cone_degrees, 30");
+  scene.point_lights[0].falloff_begin_degrees = 30;
+  scene.point_lights[0].direction = {0, -2, 0};
+  EXPECT_EQ(message(scene), "point light 0: the length of its direction is 2, not 1");
 }
 
 TEST(Lights, PowerAndDensityAreThoseOfTheTriangles) {

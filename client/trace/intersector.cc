@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -9,9 +10,10 @@
 #include <utility>
 
 #include "client/scenes/vector.h"
+#include "client/trace/check_scene.h"
 #include "client/trace/dielectric.h"
+#include "client/trace/embree_spheres.h"
 #include "embree3/rtcore.h"
-#include "fmt/format.h"
 
 namespace treelight::client {
 namespace {
@@ -28,117 +30,6 @@ using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
 // Geometry ids, in the order in which they are attached.
 constexpr unsigned kMeshId = 0;
 constexpr unsigned kSphereId = 1;
-
-/// Where the line origin + t * direction enters and leaves `sphere`, in units of the direction's
-/// length. In double: the discriminant cancels badly where the ray starts on the sphere or grazes
-/// it.
-std::optional<std::pair<double, double>> MeetSphere(const Sphere& sphere, const RTCRay& ray) {
-  const double ox = double{ray.org_x} - sphere.center.x, oy = double{ray.org_y} - sphere.center.y,
-               oz = double{ray.org_z} - sphere.center.z;
-  const double dx = ray.dir_x, dy = ray.dir_y, dz = ray.dir_z;
-  const double a = dx * dx + dy * dy + dz * dz;
-  const double half_b = ox * dx + oy * dy + oz * dz;
-  const double c = ox * ox + oy * oy + oz * oz - double{sphere.radius} * sphere.radius;
-  const double discriminant = half_b * half_b - a * c;
-  if (!(discriminant >= 0) || a == 0) return std::nullopt;
-  const double root = std::sqrt(discriminant);
-  return std::pair{(-half_b - root) / a, (-half_b + root) / a};
-}
-
-/// The nearest place within (tnear, tfar) at which the ray meets the sphere.
-std::optional<float> NearestOnSphere(const Sphere& sphere, const RTCRay& ray) {
-  const auto places = MeetSphere(sphere, ray);
-  if (!places) return std::nullopt;
-  for (const double t : {places->first, places->second}) {
-    if (t > ray.tnear && t < ray.tfar) return static_cast<float>(t);
-  }
-  return std::nullopt;
-}
-
-const Sphere& SphereOf(const void* user_data, unsigned index) {
-  return static_cast<const Scene*>(user_data)->spheres[index];
-}
-
-void SphereBounds(const RTCBoundsFunctionArguments* args) {
-  const Sphere& s = SphereOf(args->geometryUserPtr, args->primID);
-  // One part in a million more, for the rounding of the sum.
-  const float r = s.radius * (1 + 1e-6f);
-  *args->bounds_o = {s.center.x - r, s.center.y - r, s.center.z - r, 0,
-                     s.center.x + r, s.center.y + r, s.center.z + r, 0};
-}
-
-// Rays are shot one by one, hence N is 1 in both callbacks.
-void SphereIntersect(const RTCIntersectFunctionNArguments* args) {
-  if (args->valid[0] == 0) return;
-  auto* const rayhit = reinterpret_cast<RTCRayHit*>(args->rayhit);
-  const auto t = NearestOnSphere(SphereOf(args->geometryUserPtr, args->primID), rayhit->ray);
-  if (!t) return;
-  rayhit->ray.tfar = *t;
-  rayhit->hit.primID = args->primID;
-  rayhit->hit.geomID = args->geomID;
-  rayhit->hit.instID[0] = args->context->instID[0];
-}
-
-void SphereOccluded(const RTCOccludedFunctionNArguments* args) {
-  if (args->valid[0] == 0) return;
-  auto* const ray = reinterpret_cast<RTCRay*>(args->ray);
-  if (NearestOnSphere(SphereOf(args->geometryUserPtr, args->primID), *ray)) ray->tfar = -INFINITY;
-}
-
-absl::Status CheckScene(const Scene& scene) {
-  const Mesh& mesh = scene.mesh;
-  if (mesh.materials.size() != mesh.corners.size()) {
-    return absl::InvalidArgumentError(fmt::format("mesh has {} triangles but {} materials",
-                                                  mesh.corners.size(), mesh.materials.size()));
-  }
-  if (!mesh.normals.empty() && mesh.normals.size() != mesh.vertices.size()) {
-    return absl::InvalidArgumentError(fmt::format("mesh has {} vertices but {} normals",
-                                                  mesh.vertices.size(), mesh.normals.size()));
-  }
-  for (std::size_t i = 0; i < mesh.corners.size(); ++i) {
-    for (const std::uint32_t corner : mesh.corners[i]) {
-      if (corner >= mesh.vertices.size()) {
-        return absl::InvalidArgumentError(
-            fmt::format("triangle {}: there is no vertex {}", i, corner));
-      }
-    }
-    if (mesh.materials[i] >= scene.materials.size()) {
-      return absl::InvalidArgumentError(
-          fmt::format("triangle {}: there is no material {}", i, mesh.materials[i]));
-    }
-  }
-  for (std::size_t i = 0; i < scene.spheres.size(); ++i) {
-    const Sphere& sphere = scene.spheres[i];
-    if (sphere.material >= scene.materials.size()) {
-      return absl::InvalidArgumentError(
-          fmt::format("sphere {}: there is no material {}", i, sphere.material));
-    }
-    if (!(sphere.radius > 0)) {
-      return absl::InvalidArgumentError(
-          fmt::format("sphere {}: radius {} is not positive", i, sphere.radius));
-    }
-    if (MaxChannel(scene.materials[sphere.material].emission) > 0) {
-      return absl::InvalidArgumentError(fmt::format("sphere {} emits; only triangles may", i));
-    }
-  }
-  for (std::size_t i = 0; i < scene.point_lights.size(); ++i) {
-    const PointLight& light = scene.point_lights[i];
-    if (!(light.cone_degrees > 0 && light.cone_degrees <= 180)) {
-      return absl::InvalidArgumentError(
-          fmt::format("point light {}: cone_degrees {} is not in (0, 180]", i, light.cone_degrees));
-    }
-    if (!(light.falloff_begin_degrees >= 0 && light.falloff_begin_degrees <= light.cone_degrees)) {
-      return absl::InvalidArgumentError(fmt::format(
-          "point light {}: falloff_begin_degrees {} is not between 0 and cone_degrees, {}", i,
-          light.falloff_begin_degrees, light.cone_degrees));
-    }
-    if (!(std::fabs(Dot(light.direction, light.direction) - 1) < 1e-3f)) {
-      return absl::InvalidArgumentError(fmt::format(
-          "point light {}: the length of its direction is {}, not 1", i, Length(light.direction)));
-    }
-  }
-  return absl::OkStatus();
-}
 
 template <typename T>
 bool Fill(RTCGeometry geometry, RTCBufferType type, RTCFormat format, const std::vector<T>& data) {
@@ -186,13 +77,45 @@ Vec3 InterpolateNormal(const Mesh& mesh, std::uint32_t triangle, float u, float 
   if (mesh.normals.empty()) return own;
   const auto corner = [&](int i) {
     const Vec3& normal = mesh.normals[mesh.corners[triangle][i]];
-    return normal == Vec3{} ? own : normal;
+    if (normal == Vec3{}) return own;
+    // Files do not agree on which side of their triangles the normals are.
+    return Dot(normal, own) < 0 ? -normal : normal;
   };
   const Vec3 sum = (1 - u - v) * corner(0) + u * corner(1) + v * corner(2);
-  const float squared_length = Dot(sum, sum), cosine = Dot(sum, own);
-  if (!(squared_length > 1e-6f) || cosine == 0) return own;
-  // Files do not agree on which side of their triangles the normals are.
-  return ((cosine < 0 ? -1 : 1) / std::sqrt(squared_length)) * sum;
+  return Dot(sum, own) > 0 ? Normalize(sum) : own;
+}
+
+/// What Embree tells about the nearest surface on a ray.
+struct RawHit {
+  float distance, u, v;
+  unsigned geometry, primitive;
+};
+
+/// Nothing: the ray met no surface.
+std::optional<Hit> Describe(const Scene& scene, const Ray& ray, const RawHit& raw) {
+  if (raw.geometry == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  // The position is put back onto the surface: origin + t * direction is less exact.
+  Hit hit;
+  hit.distance = raw.distance;
+  if (raw.geometry == kMeshId) {
+    const auto& [ia, ib, ic] = scene.mesh.corners[raw.primitive];
+    const Vec3& a = scene.mesh.vertices[ia];
+    const Vec3 ab = scene.mesh.vertices[ib] - a, ac = scene.mesh.vertices[ic] - a;
+    hit.position = KeepInside(a + raw.u * ab + raw.v * ac, a, ab, ac);
+    hit.normal = Normalize(Cross(ab, ac));
+    hit.shading_normal = InterpolateNormal(scene.mesh, raw.primitive, raw.u, raw.v, hit.normal);
+    hit.triangle = raw.primitive;
+    hit.material = &scene.materials[scene.mesh.materials[raw.primitive]];
+  } else {
+    const Sphere& sphere = scene.spheres[raw.primitive];
+    hit.normal = Normalize(ray.origin + hit.distance * ray.direction - sphere.center);
+    hit.shading_normal = hit.normal;
+    hit.position = sphere.center + sphere.radius * hit.normal;
+    hit.material = &scene.materials[sphere.material];
+  }
+  hit.front = Dot(ray.direction, hit.normal) < 0;
+  if (!hit.front) hit.normal = -hit.normal, hit.shading_normal = -hit.shading_normal;
+  return hit;
 }
 
 }  // namespace
@@ -208,7 +131,7 @@ Ray LeaveSurface(const Hit& hit, const Vec3& direction) {
 }
 
 struct Intersector::Impl {
-  Scene scene;  // Embree's callbacks point at it: it never moves
+  Scene scene;  // Embree's callbacks point at its spheres: it never changes
   Owned<RTCDevice> device;
   Owned<RTCScene> rtc_scene;
   bool has_panes = false;
@@ -239,13 +162,7 @@ absl::StatusOr<Intersector> Intersector::Create(Scene scene) {
       Fill(mesh.get(), RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, impl->scene.mesh.vertices) &&
       Fill(mesh.get(), RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, impl->scene.mesh.corners)) {
     rtcCommitGeometry(mesh.get());
-    rtcSetGeometryUserPrimitiveCount(spheres.get(),
-                                     static_cast<unsigned>(impl->scene.spheres.size()));
-    rtcSetGeometryUserData(spheres.get(), &impl->scene);
-    rtcSetGeometryBoundsFunction(
-        spheres.get(), [](const RTCBoundsFunctionArguments* args) { SphereBounds(args); }, nullptr);
-    rtcSetGeometryIntersectFunction(spheres.get(), SphereIntersect);
-    rtcSetGeometryOccludedFunction(spheres.get(), SphereOccluded);
+    SetSpheres(spheres.get(), impl->scene.spheres);
     rtcCommitGeometry(spheres.get());
     rtcSetSceneFlags(impl->rtc_scene.get(), RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(impl->rtc_scene.get(), RTC_BUILD_QUALITY_HIGH);
@@ -272,32 +189,43 @@ std::optional<Hit> Intersector::Intersect(const Ray& ray) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   rtcIntersect1(impl_->rtc_scene.get(), &context, &rayhit);
-  if (rayhit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  return Describe(impl_->scene, ray,
+                  {.distance = rayhit.ray.tfar,
+                   .u = rayhit.hit.u,
+                   .v = rayhit.hit.v,
+                   .geometry = rayhit.hit.geomID,
+                   .primitive = rayhit.hit.primID});
+}
 
-  // The position is put back onto the surface: origin + t * direction is less exact.
-  Hit hit;
-  hit.distance = rayhit.ray.tfar;
-  const Scene& scene = impl_->scene;
-  if (rayhit.hit.geomID == kMeshId) {
-    const auto& [ia, ib, ic] = scene.mesh.corners[rayhit.hit.primID];
-    const Vec3& a = scene.mesh.vertices[ia];
-    const Vec3 ab = scene.mesh.vertices[ib] - a, ac = scene.mesh.vertices[ic] - a;
-    hit.position = KeepInside(a + rayhit.hit.u * ab + rayhit.hit.v * ac, a, ab, ac);
-    hit.normal = Normalize(Cross(ab, ac));
-    hit.shading_normal =
-        InterpolateNormal(scene.mesh, rayhit.hit.primID, rayhit.hit.u, rayhit.hit.v, hit.normal);
-    hit.triangle = rayhit.hit.primID;
-    hit.material = &scene.materials[scene.mesh.materials[rayhit.hit.primID]];
-  } else {
-    const Sphere& sphere = scene.spheres[rayhit.hit.primID];
-    hit.normal = Normalize(ray.origin + hit.distance * ray.direction - sphere.center);
-    hit.shading_normal = hit.normal;
-    hit.position = sphere.center + sphere.radius * hit.normal;
-    hit.material = &scene.materials[sphere.material];
+std::array<std::optional<Hit>, kPacketSize> Intersector::IntersectPacket(
+    std::span<const Ray> rays) const {
+  assert(rays.size() <= kPacketSize);
+  alignas(64) std::array<int, kPacketSize> valid{};  // -1: there is a ray
+  RTCRayHit16 packet{};
+  RTCRay16& ray = packet.ray;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const auto& [origin, direction] = rays[i];
+    valid[i] = -1;
+    ray.org_x[i] = origin.x, ray.org_y[i] = origin.y, ray.org_z[i] = origin.z;
+    ray.dir_x[i] = direction.x, ray.dir_y[i] = direction.y, ray.dir_z[i] = direction.z;
+    ray.tfar[i] = INFINITY;
+    ray.mask[i] = ~0u;
+    packet.hit.geomID[i] = packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
-  hit.front = Dot(ray.direction, hit.normal) < 0;
-  if (!hit.front) hit.normal = -hit.normal, hit.shading_normal = -hit.shading_normal;
-  return hit;
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  rtcIntersect16(valid.data(), impl_->rtc_scene.get(), &context, &packet);
+  std::array<std::optional<Hit>, kPacketSize> hits;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    hits[i] = Describe(impl_->scene, rays[i],
+                       {.distance = ray.tfar[i],
+                        .u = packet.hit.u[i],
+                        .v = packet.hit.v[i],
+                        .geometry = packet.hit.geomID[i],
+                        .primitive = packet.hit.primID[i]});
+  }
+  return hits;
 }
 
 bool Intersector::Occluded(const Vec3& from, const Vec3& to) const {

@@ -1,9 +1,12 @@
 #ifndef TREELIGHT_CLIENT_TRACE_INTERSECTOR_H_
 #define TREELIGHT_CLIENT_TRACE_INTERSECTOR_H_
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "absl/status/statusor.h"
 #include "client/scenes/scene.h"
@@ -23,8 +26,8 @@ struct Hit {
                         ///< `normal`; the same as `normal` where the mesh has no normals
   float distance = 0;   ///< scene units
   bool front = true;    ///< the ray comes from the front of the surface
-  const Material* material = nullptr;     ///< of the Intersector's scene
-  std::optional<std::uint32_t> triangle;  ///< index in Scene::mesh; nothing for a sphere
+  const Material* material = nullptr;       ///< of the Intersector's scene
+  std::optional<std::uint32_t> triangle{};  ///< index in Scene::mesh; nothing for a sphere
 };
 
 /// `position` moved off its surface to the side of the unit vector `normal`, just beyond the
@@ -36,13 +39,15 @@ Vec3 OffsetFromSurface(const Vec3& position, const Vec3& normal);
 /// is.
 Ray LeaveSurface(const Hit& hit, const Vec3& direction);
 
+/// Rays that IntersectPacket takes at most.
+inline constexpr std::size_t kPacketSize = 16;
+
 /// A scene that rays can be shot at, on Embree 3. Immutable; safe to call from several threads at
 /// once.
 class Intersector {
  public:
-  /// Keeps `scene` and builds the acceleration structure. INVALID_ARGUMENT: an index out of range,
-  /// normals that are not one a vertex, a radius that is not positive, a sphere that emits, or a
-  /// cone out of range. INTERNAL: Embree failed; the message is Embree's.
+  /// Keeps `scene` and builds the acceleration structure. The errors of CheckScene; INTERNAL:
+  /// Embree failed; the message is Embree's.
   static absl::StatusOr<Intersector> Create(Scene scene);
 
   Intersector(Intersector&&) noexcept;
@@ -51,6 +56,12 @@ class Intersector {
 
   /// The nearest surface that the ray meets, if any.
   std::optional<Hit> Intersect(const Ray& ray) const;
+
+  /// The same for up to kPacketSize rays at once. For rays that are close in origin and direction,
+  /// as through neighbouring pixels, this takes a quarter of the time; rays that have scattered are
+  /// faster one by one. Where a ray meets two surfaces at one place, or an edge, this and Intersect
+  /// need not choose the same.
+  std::array<std::optional<Hit>, kPacketSize> IntersectPacket(std::span<const Ray> rays) const;
 
   /// Whether something stands on the line between two points, ends included: move each off its
   /// surface.

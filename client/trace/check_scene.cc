@@ -1,0 +1,85 @@
+#include "client/trace/check_scene.h"
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "client/scenes/vector.h"
+#include "fmt/format.h"
+
+namespace treelight::client {
+namespace {
+
+absl::Status CheckMesh(const Scene& scene) {
+  const Mesh& mesh = scene.mesh;
+  if (mesh.materials.size() != mesh.corners.size()) {
+    return absl::InvalidArgumentError(fmt::format("mesh has {} triangles but {} materials",
+                                                  mesh.corners.size(), mesh.materials.size()));
+  }
+  if (!mesh.normals.empty() && mesh.normals.size() != mesh.vertices.size()) {
+    return absl::InvalidArgumentError(fmt::format("mesh has {} vertices but {} normals",
+                                                  mesh.vertices.size(), mesh.normals.size()));
+  }
+  for (std::size_t i = 0; i < mesh.corners.size(); ++i) {
+    for (const std::uint32_t corner : mesh.corners[i]) {
+      if (corner >= mesh.vertices.size()) {
+        return absl::InvalidArgumentError(
+            fmt::format("triangle {}: there is no vertex {}", i, corner));
+      }
+    }
+    if (mesh.materials[i] >= scene.materials.size()) {
+      return absl::InvalidArgumentError(
+          fmt::format("triangle {}: there is no material {}", i, mesh.materials[i]));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckSpheres(const Scene& scene) {
+  for (std::size_t i = 0; i < scene.spheres.size(); ++i) {
+    const Sphere& sphere = scene.spheres[i];
+    if (sphere.material >= scene.materials.size()) {
+      return absl::InvalidArgumentError(
+          fmt::format("sphere {}: there is no material {}", i, sphere.material));
+    }
+    if (!(sphere.radius > 0)) {
+      return absl::InvalidArgumentError(
+          fmt::format("sphere {}: radius {} is not positive", i, sphere.radius));
+    }
+    if (MaxChannel(scene.materials[sphere.material].emission) > 0) {
+      return absl::InvalidArgumentError(fmt::format("sphere {} emits; only triangles may", i));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckPointLights(const Scene& scene) {
+  for (std::size_t i = 0; i < scene.point_lights.size(); ++i) {
+    const PointLight& light = scene.point_lights[i];
+    if (!(light.cone_degrees > 0 && light.cone_degrees <= 180)) {
+      return absl::InvalidArgumentError(
+          fmt::format("point light {}: cone_degrees {} is not in (0, 180]", i, light.cone_degrees));
+    }
+    if (!(light.falloff_begin_degrees >= 0 && light.falloff_begin_degrees <= light.cone_degrees)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "point light {}: falloff_begin_degrees {} is not between 0 and cone_degrees, {}", i,
+          light.falloff_begin_degrees, light.cone_degrees));
+    }
+    if (!(std::fabs(Dot(light.direction, light.direction) - 1) < 1e-3f)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "point light {}: the length of its direction is {}, not 1", i, Length(light.direction)));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CheckScene(const Scene& scene) {
+  absl::Status status = CheckMesh(scene);
+  if (status.ok()) status = CheckSpheres(scene);
+  if (status.ok()) status = CheckPointLights(scene);
+  return status;
+}
+
+}  // namespace treelight::client
