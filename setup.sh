@@ -9,6 +9,7 @@ packages=(
   libabsl-dev libtbb-dev libembree-dev libopenexr-dev libstb-dev
   ocl-icd-opencl-dev opencl-clhpp-headers pocl-opencl-icd
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libxxhash-dev
+  libassimp-dev liblzma-dev
   libgtest-dev libgmock-dev python3-grpcio python3-numpy
   dpkg-dev file help2man
 )
