@@ -2,18 +2,49 @@
 
 #include <utility>
 
+#include "client/scenes/default_view.h"
+#include "client/scenes/mesh_file.h"
 #include "client/scenes/registry.h"
+#include "client/scenes/scene_file.h"
 #include "fmt/format.h"
 #include "fmt/ranges.h"
 
 namespace treelight::client {
 
+namespace {
+
+absl::StatusOr<LoadedScene> LoadBareMesh(const std::string& path) {
+  auto file = ReadMeshFile(path);
+  if (!file.ok()) return file.status();
+  LoadedScene loaded{.scene = {}, .cameras = {}, .notes = std::move(file->notes)};
+  Scene& scene = loaded.scene;
+  scene.name = SceneName(path);
+  scene.materials = std::move(file->materials);
+  scene.mesh = std::move(file->mesh);
+  scene.camera = MakeDefaultCamera(scene);
+  loaded.cameras.push_back({"default", scene.camera});
+  const bool has_light = HasLight(scene);
+  if (!has_light) AddDefaultLight(scene);
+  loaded.notes.push_back(fmt::format("{}: seen by a camera that was made up{}", path,
+                                     has_light ? "" : ", and lit by a light that was"));
+  loaded.has_default_light = !has_light;
+  return loaded;
+}
+
+}  // namespace
+
 absl::StatusOr<LoadedScene> LoadScene(const std::string& name_or_path) {
   auto scene = MakeScene(name_or_path);
-  if (!scene.ok()) return scene.status();
-  LoadedScene loaded{.scene = *std::move(scene), .cameras = {}, .notes = {}};
-  loaded.cameras.push_back({"default", loaded.scene.camera});
-  return loaded;
+  if (scene.ok()) {
+    LoadedScene loaded{.scene = *std::move(scene), .cameras = {}, .notes = {}};
+    loaded.cameras.push_back({"default", loaded.scene.camera});
+    return loaded;
+  }
+  if (name_or_path.ends_with(".json")) return ReadSceneFile(name_or_path);
+  if (IsMeshPath(name_or_path)) return LoadBareMesh(name_or_path);
+  return absl::NotFoundError(
+      fmt::format("{}, nor is that a file ending in .json, .obj, .ply, .gltf or .glb",
+                  std::string(scene.status().message())));
 }
 
 std::string SceneName(std::string_view name_or_path) {

@@ -6,6 +6,7 @@ void AddQuad(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, std::ui
              Mesh& mesh) {
   const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
   mesh.vertices.insert(mesh.vertices.end(), {a, b, c, d});
+  if (!mesh.normals.empty()) mesh.normals.resize(mesh.vertices.size());
   mesh.corners.push_back({first, first + 1, first + 2});
   mesh.corners.push_back({first, first + 2, first + 3});
   mesh.materials.insert(mesh.materials.end(), {material, material});
