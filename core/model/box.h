@@ -40,6 +40,17 @@ struct Box {
   friend bool operator==(const Box&, const Box&) = default;
 };
 
+/// Whether an axis-aligned plane separates two boxes that are not empty; they may touch it.
+inline bool Separable(const Box& a, const Box& b) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (Component(a.max, axis) <= Component(b.min, axis) ||
+        Component(b.max, axis) <= Component(a.min, axis)) {
+      return true;
+    }
+  }
+  return false;
+}
+
 /// Surface area of a box that is not empty, scene units squared, in double against overflow.
 inline double SurfaceArea(const Box& box) {
   const double dx = double{box.max.x} - box.min.x, dy = double{box.max.y} - box.min.y,

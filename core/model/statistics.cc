@@ -15,7 +15,29 @@ Box MakeBox(const float* min, const float* max) {
   return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
 }
 
+/// Surface area or volume of the box grown by `radius` on every side.
+double GrownMeasure(const Box& box, Heuristic heuristic, double radius) {
+  const double dx = double{box.max.x} - box.min.x + 2 * radius,
+               dy = double{box.max.y} - box.min.y + 2 * radius,
+               dz = double{box.max.z} - box.min.z + 2 * radius;
+  return heuristic == Heuristic::kVvh ? dx * dy * dz : 2 * (dx * dy + dy * dz + dz * dx);
+}
+
 }  // namespace
+
+double HeuristicCost(const Tree& tree, Heuristic heuristic, float radius) {
+  if (tree.root.count == 0) return 0;
+  const double grow = heuristic == Heuristic::kSah ? 0 : radius;
+  const auto measure = [&](const float* min, const float* max) {
+    return GrownMeasure(MakeBox(min, max), heuristic, grow);
+  };
+  const double root = measure(tree.root.min, tree.root.max);
+  double sum = root;
+  for (const Node& node : tree.nodes) {
+    sum += measure(node.left_min, node.left_max) + measure(node.right_min, node.right_max);
+  }
+  return root > 0 ? sum / root : 0;
+}
 
 TreeStatistics ComputeStatistics(const Tree& tree) {
   TreeStatistics statistics;

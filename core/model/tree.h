@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "core/kernels/types.h"
+#include "core/model/heuristic.h"
 #include "core/model/photons.h"
 
 namespace treelight {
@@ -42,6 +43,11 @@ struct TreeStatistics {
   /// 2020 with both constants 1. 0 where the root has no area.
   double sah_cost = 0;
 };
+
+/// Measure of all nodes of `tree` by `heuristic`, leaves included, relative to the root's, in
+/// double; kSah gives TreeStatistics::sah_cost. 0 where the root's measure is 0.
+/// @param radius  gather radius of kIsa and kVvh, scene units
+double HeuristicCost(const Tree& tree, Heuristic heuristic, float radius);
 
 /// Computes the statistics of `tree`, one pass on the calling thread.
 TreeStatistics ComputeStatistics(const Tree& tree);

@@ -29,16 +29,6 @@ Box MakeBox(const float* min, const float* max) {
   return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
 }
 
-bool Separable(const Box& a, const Box& b) {
-  for (int axis = 0; axis < 3; ++axis) {
-    if (Component(a.max, axis) <= Component(b.min, axis) ||
-        Component(b.max, axis) <= Component(a.min, axis)) {
-      return true;
-    }
-  }
-  return false;
-}
-
 class Validator {
  public:
   Validator(const Tree& tree, const Photons& photons)

@@ -1,0 +1,56 @@
+#ifndef TREELIGHT_CORE_MODEL_HEURISTIC_H_
+#define TREELIGHT_CORE_MODEL_HEURISTIC_H_
+
+#include <cstdint>
+
+#include "core/model/box.h"
+
+namespace treelight {
+
+/// What stands for the probability that a search visits a node.
+enum class Heuristic {
+  kSah,  ///< surface area of the box (MacDonald and Booth 1990), as Bulavintsev and Zhdanov 2020
+  kIsa,  ///< surface area of the box grown by the gather radius on every side
+  kVvh,  ///< volume of the box grown by the gather radius (Wald, Guenther and Slusallek 2004)
+};
+
+/// Whether costs know that a leaf holds B photons.
+enum class LeafTerm {
+  kNone,      ///< top-down: cost in proportion to the photons; treelets: leaves stay as they are
+  kLeafSize,  ///< top-down: cost in proportion to ceil(n / B); treelets: subtrees of at most B
+              ///< photons may become one leaf
+};
+
+/// The measure of boxes by a heuristic, in float32 with a fixed order of operations, so that every
+/// device gets the same bits:
+///   d = ((max - min) * prescale) * scale + grow   for each axis, each operation rounded
+///   sah, isa: (dx*dy + dy*dz) + dz*dx             half of the surface area
+///   vvh:      (dx*dy) * dz
+/// prescale and scale are powers of two that bring the root's longest edge to [0.5, 1), so that
+/// measures neither overflow nor vanish; grow is 0 for sah, else twice the radius in that unit.
+class Measure {
+ public:
+  /// @param root    box of all photons, not empty
+  /// @param radius  gather radius, scene units, >= 0; read by isa and vvh. At least 2^-20 of the
+  ///                root's longest edge is taken: with 0 all boxes of a line would cost the same.
+  Measure(Heuristic heuristic, const Box& root, float radius);
+
+  float operator()(const Box& box) const {
+    const float dx = ((box.max.x - box.min.x) * prescale_) * scale_ + grow_;
+    const float dy = ((box.max.y - box.min.y) * prescale_) * scale_ + grow_;
+    const float dz = ((box.max.z - box.min.z) * prescale_) * scale_ + grow_;
+    return volume_ ? (dx * dy) * dz : (dx * dy + dy * dz) + dz * dx;
+  }
+
+  float prescale() const { return prescale_; }
+  float scale() const { return scale_; }
+  float grow() const { return grow_; }
+
+ private:
+  bool volume_ = false;
+  float prescale_ = 1, scale_ = 1, grow_ = 0;
+};
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_MODEL_HEURISTIC_H_
