@@ -14,7 +14,78 @@ absl::Status CheckLength(const char* field, std::size_t length, std::size_t expe
       fmt::format("{}: {} numbers, expected {} or none", field, length, expected));
 }
 
+absl::Status CheckRange(const char* field, std::uint32_t value, std::uint32_t low,
+                        std::uint32_t high) {
+  if (value >= low && value <= high) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("{} is {}, it must be in [{}, {}]", field, value, low, high));
+}
+
+std::uint32_t LargestTreelet(BuilderKind builder) {
+  switch (builder) {
+    case BuilderKind::kTrbvh:
+      return 9;
+    case BuilderKind::kAtrbvh:
+      return 32;
+    default:
+      return 16;
+  }
+}
+
+absl::Status CheckOptions(const BuildOptions& options) {
+  if (auto status = CheckRange("max_leaf_size", options.max_leaf_size, 1, kMaxLeafSize);
+      !status.ok()) {
+    return status;
+  }
+  if (options.morton_bits != MortonBits::k30 && options.morton_bits != MortonBits::k63) {
+    return absl::InvalidArgumentError(fmt::format("morton_bits is {}, it must be 30 or 63",
+                                                  static_cast<std::uint32_t>(options.morton_bits)));
+  }
+  const bool has_treelets = options.builder == BuilderKind::kTreelet ||
+                            options.builder == BuilderKind::kTrbvh ||
+                            options.builder == BuilderKind::kAtrbvh;
+  if (has_treelets) {
+    for (const absl::Status& status :
+         {CheckRange("treelet_size", options.treelet_size, 3, LargestTreelet(options.builder)),
+          CheckRange("rounds", options.rounds, 1, kMaxRounds)}) {
+      if (!status.ok()) return status;
+    }
+  }
+  if (!(options.radius >= 0 && options.radius <= kMaxCoordinate)) {  // also catches NaN
+    return absl::InvalidArgumentError(
+        fmt::format("radius is {}, it must be in [0, {:g}]", options.radius, kMaxCoordinate));
+  }
+  if (options.builder == BuilderKind::kHybrid) {
+    return CheckRange("subtree_size", options.subtree_size, options.max_leaf_size, kMaxSubtreeSize);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
+
+std::string BuilderName(const BuildOptions& options) {
+  switch (options.builder) {
+    case BuilderKind::kLbvh:
+      return "lbvh";
+    case BuilderKind::kTreelet:
+      return "treelet";
+    case BuilderKind::kHybrid:
+      return "hybrid";
+    case BuilderKind::kTrbvh:
+      return "trbvh";
+    case BuilderKind::kAtrbvh:
+      return "atrbvh";
+    case BuilderKind::kBalanced:
+      return "balanced";
+    case BuilderKind::kSlidingMidpoint:
+      return "sliding_midpoint";
+    case BuilderKind::kSweep:
+      return options.heuristic == Heuristic::kSah   ? "sah"
+             : options.heuristic == Heuristic::kIsa ? "isa"
+                                                    : "vvh";
+  }
+  return "unknown";
+}
 
 absl::Status CheckBuild(const Photons& photons, const BuildOptions& options) {
   if (photons.positions.size() % 3 != 0) {
@@ -43,15 +114,7 @@ absl::Status CheckBuild(const Photons& photons, const BuildOptions& options) {
           "powers[{}] of photon {} is {}, it must be finite", i, i / 3, photons.powers[i]));
     }
   }
-  if (options.max_leaf_size < 1 || options.max_leaf_size > kMaxLeafSize) {
-    return absl::InvalidArgumentError(fmt::format("max_leaf_size is {}, it must be in [1, {}]",
-                                                  options.max_leaf_size, kMaxLeafSize));
-  }
-  if (options.morton_bits != MortonBits::k30 && options.morton_bits != MortonBits::k63) {
-    return absl::InvalidArgumentError(fmt::format("morton_bits is {}, it must be 30 or 63",
-                                                  static_cast<std::uint32_t>(options.morton_bits)));
-  }
-  return absl::OkStatus();
+  return CheckOptions(options);
 }
 
 }  // namespace treelight

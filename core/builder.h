@@ -8,12 +8,20 @@
 
 #include "absl/status/statusor.h"
 #include "core/gatherer.h"
+#include "core/model/heuristic.h"
 
 namespace treelight {
 
 /// How a tree is built.
 enum class BuilderKind {
-  kLbvh,  ///< Karras 2012: Morton order, with runs of equal codes rebuilt by position
+  kLbvh,      ///< Karras 2012: Morton order, with runs of equal codes rebuilt by position
+  kTreelet,   ///< lbvh, its treelets restructured as a k-d tree (Bulavintsev and Zhdanov 2020)
+  kHybrid,    ///< lbvh on top, every maximal subtree of at most T photons rebuilt by a sweep
+  kTrbvh,     ///< lbvh, its treelets restructured as a BVH (Karras and Aila 2013)
+  kAtrbvh,    ///< as kTrbvh, by agglomeration (Domingues and Pedrini 2015)
+  kBalanced,  ///< top-down: median of the widest axis
+  kSlidingMidpoint,  ///< top-down: middle of the cell (Maneewongvatana and Mount 1999)
+  kSweep,  ///< top-down: the cut of least cost by the heuristic: `sah`, `isa` and `vvh` of the docs
 };
 
 /// Bits of the Morton codes: 10 or 21 per axis.
@@ -21,12 +29,26 @@ enum class MortonBits : std::uint32_t { k30 = 30, k63 = 63 };
 
 struct BuildOptions {
   BuilderKind builder = BuilderKind::kLbvh;
-  MortonBits morton_bits = MortonBits::k30;
-  std::uint32_t max_leaf_size = 16;  ///< B, photons, [1, kMaxLeafSize]
+  MortonBits morton_bits = MortonBits::k30;  ///< of lbvh, and of the lbvh that others start from
+  std::uint32_t max_leaf_size = 16;          ///< B, photons, [1, kMaxLeafSize]
+  Heuristic heuristic = Heuristic::kIsa;     ///< of treelets, hybrid and sweep
+  LeafTerm leaf_term = LeafTerm::kLeafSize;  ///< of the same, and of balanced
+  std::uint32_t treelet_size = 7;  ///< leaves of a treelet: treelet [3, 16], trbvh [3, 9], atrbvh
+                                   ///< [3, 32]
+  std::uint32_t rounds = 3;        ///< of restructuring, [1, 8]
+  float radius = 0;  ///< gather radius that isa and vvh expect, scene units, finite; 0: sampled
+  std::uint32_t subtree_size = 256;  ///< T, photons of a subtree that hybrid rebuilds, [B, 4096]
+  std::uint32_t seed = 0;            ///< of the photons that the radius is sampled at
 };
 
 /// Largest B.
 inline constexpr std::uint32_t kMaxLeafSize = 64;
+
+/// Most rounds.
+inline constexpr std::uint32_t kMaxRounds = 8;
+
+/// Largest T.
+inline constexpr std::uint32_t kMaxSubtreeSize = 4096;
 
 /// Makes photon maps. Safe to call from several threads at once.
 class Builder {
@@ -42,6 +64,10 @@ class Builder {
                                                           const BuildOptions& options,
                                                           const CancelCheck& cancelled = {}) = 0;
 };
+
+/// The name of a tree of these options: "lbvh", "treelet", "hybrid", "trbvh", "atrbvh", "balanced",
+/// "sliding_midpoint"; of kSweep the heuristic's: "sah", "isa", "vvh".
+std::string BuilderName(const BuildOptions& options);
 
 /// The checks that every Builder makes before it works; see Builder::Build.
 absl::Status CheckBuild(const Photons& photons, const BuildOptions& options);
@@ -71,6 +97,10 @@ absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& 
 
 /// The device that a MakeDeviceBuilder with the same options takes.
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options = {});
+
+/// All kinds of trees on the CPU, by TBB in the arena of the caller: the same tree for any number
+/// of threads. What device builders are checked against.
+std::unique_ptr<Builder> MakeCpuBuilder();
 
 /// The plain reference on the CPU: compares every query with every photon, in float32 as the
 /// devices do.

@@ -1,0 +1,89 @@
+#include "core/cpu/answers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/model/octahedral.h"
+
+namespace treelight {
+namespace {
+
+double KernelWeight(DensityKernel kernel, double squared_distance, double radius) {
+  const double t2 = squared_distance / (radius * radius);
+  switch (kernel) {
+    case DensityKernel::kConstant:
+      return 1;
+    case DensityKernel::kCone:
+      return 3 * (1 - std::sqrt(t2));
+    case DensityKernel::kEpanechnikov:
+      return 2 * (1 - t2);
+  }
+  return 0;
+}
+
+void AddDensity(const Photons& photons, const std::vector<Candidate>& found, const float* normal,
+                DensityKernel kernel, float radius, float* density) {
+  double sum[3] = {0, 0, 0};
+  if (!(radius > 0) || std::isinf(radius)) return;
+  for (const auto& [d2, id] : found) {
+    if (normal != nullptr) {
+      const Vec3 d = DecodeOctahedral(photons.directions[2 * id], photons.directions[2 * id + 1]);
+      if (d.x * normal[0] + d.y * normal[1] + d.z * normal[2] >= 0) continue;
+    }
+    const double weight = std::max(0.0, KernelWeight(kernel, d2, radius));
+    for (int c = 0; c < 3; ++c) sum[c] += weight * photons.powers[3 * id + c];
+  }
+  const double area = std::numbers::pi * radius * radius;
+  for (int c = 0; c < 3; ++c) density[c] = static_cast<float>(sum[c] / area);
+}
+
+}  // namespace
+
+absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQueries& queries,
+                                          const GatherOptions& options,
+                                          const std::vector<QueryAnswer>& answers) {
+  const std::size_t m = answers.size();
+  const auto wants = [&](std::uint32_t output) { return (options.outputs & output) != 0; };
+  GatherResult result;
+  if (wants(kOutputNeighbors) && options.k == 0) {
+    std::uint64_t neighbor_count = 0;
+    for (const QueryAnswer& answer : answers) neighbor_count += answer.found.size();
+    if (const auto status = CheckNeighborCount(neighbor_count, options); !status.ok()) {
+      return status;
+    }
+    result.neighbor_offsets.push_back(0);
+  }
+  if (wants(kOutputDensity)) result.densities.assign(3 * m, 0);
+  for (std::size_t i = 0; i < m; ++i) {
+    const std::vector<Candidate>& found = answers[i].found;
+    const float radius = options.k > 0 && found.size() == options.k
+                             ? std::sqrt(found.back().squared_distance)
+                             : answers[i].limit;
+    if (wants(kOutputCount)) result.counts.push_back(static_cast<std::uint32_t>(found.size()));
+    if (wants(kOutputRadius)) result.radii.push_back(radius);
+    if (wants(kOutputNeighbors)) {
+      for (const auto& [d2, id] : found) {
+        result.neighbor_ids.push_back(id);
+        result.neighbor_squared_distances.push_back(d2);
+      }
+      if (options.k == 0) {
+        result.neighbor_offsets.push_back(result.neighbor_ids.size());
+      } else {
+        result.neighbor_ids.resize((i + 1) * options.k, kNoPhoton);
+        result.neighbor_squared_distances.resize((i + 1) * options.k, INFINITY);
+      }
+    }
+    if (wants(kOutputDensity) && !photons.powers.empty()) {
+      AddDensity(photons, found, queries.normals.empty() ? nullptr : &queries.normals[3 * i],
+                 options.kernel, radius, &result.densities[3 * i]);
+    }
+    if (wants(kOutputStatistics)) {
+      result.nodes_visited.push_back(answers[i].nodes_visited);
+      result.distance_tests.push_back(answers[i].distance_tests);
+    }
+  }
+  return result;
+}
+
+}  // namespace treelight

@@ -1,0 +1,35 @@
+#ifndef TREELIGHT_CORE_CPU_ANSWERS_H_
+#define TREELIGHT_CORE_CPU_ANSWERS_H_
+
+#include <compare>
+#include <cstdint>
+#include <vector>
+
+#include "core/gatherer.h"
+
+namespace treelight {
+
+/// A photon within the radius of a query.
+struct Candidate {
+  float squared_distance;
+  std::uint32_t id;
+  friend auto operator<=>(const Candidate&, const Candidate&) = default;
+};
+
+/// What the search for one query found.
+struct QueryAnswer {
+  float limit = 0;               ///< r of the query
+  std::vector<Candidate> found;  ///< ascending
+  std::uint32_t nodes_visited = 0;
+  std::uint32_t distance_tests = 0;
+};
+
+/// Makes of the answers what GatherOptions asks for. Densities are summed in double, so that the
+/// float sums of devices can be judged by them. RESOURCE_EXHAUSTED as CheckNeighborCount.
+absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQueries& queries,
+                                          const GatherOptions& options,
+                                          const std::vector<QueryAnswer>& answers);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_ANSWERS_H_

@@ -1,0 +1,145 @@
+#include "core/cpu/cpu_builder.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "core/cpu/gather_radius.h"
+#include "core/cpu/hybrid.h"
+#include "core/cpu/lbvh.h"
+#include "core/cpu/median.h"
+#include "core/cpu/sliding_midpoint.h"
+#include "core/cpu/sweep.h"
+#include "core/cpu/tree_gatherer.h"
+#include "core/cpu/treelet.h"
+
+namespace treelight {
+namespace {
+
+using Positions = std::vector<float>;
+
+LooseTree BuildSweep(const Positions& positions, const BuildOptions& options,
+                     const Measure& measure) {
+  SweepSplitter splitter(positions, measure, options.max_leaf_size, options.leaf_term);
+  const PhotonRange all{0, static_cast<std::uint32_t>(positions.size() / 3), 0};
+  std::vector<std::uint32_t> ids(all.count());
+  for (std::uint32_t i = 0; i < all.count(); ++i) ids[i] = i;
+  splitter.Begin(all, ids);
+  return TopDown(positions, options.max_leaf_size, splitter).Build(all);
+}
+
+LooseTree BuildHybrid(const Positions& positions, const BuildOptions& options,
+                      const Measure& measure) {
+  LbvhSplitter lbvh(positions, options.morton_bits, MortonLayout::kCubic, options.subtree_size);
+  SweepSplitter sweep(positions, measure, options.max_leaf_size, options.leaf_term);
+  HybridSplitter splitter(lbvh, sweep, options.subtree_size);
+  return TopDown(positions, options.max_leaf_size, splitter).Build(splitter.Root());
+}
+
+LooseTree BuildBalanced(const Positions& positions, const BuildOptions& options) {
+  MedianSplitter splitter(positions, options.max_leaf_size, options.leaf_term);
+  return TopDown(positions, options.max_leaf_size, splitter)
+      .Build({0, static_cast<std::uint32_t>(positions.size() / 3), 0});
+}
+
+LooseTree BuildSlidingMidpoint(const Positions& positions, const BuildOptions& options) {
+  SlidingMidpointSplitter splitter(positions, options.max_leaf_size);
+  return TopDown(positions, options.max_leaf_size, splitter)
+      .Build(splitter.Root(static_cast<std::uint32_t>(positions.size() / 3)));
+}
+
+LooseTree BuildTreelets(const Positions& positions, const BuildOptions& options,
+                        const Measure& measure) {
+  LooseTree tree = BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
+                             TreeletInputLeafSize(options));
+  const auto method = options.builder == BuilderKind::kTreelet ? TreeletMethod::kKdTree
+                      : options.builder == BuilderKind::kTrbvh ? TreeletMethod::kBvh
+                                                               : TreeletMethod::kAgglomerative;
+  RestructureTreelets(tree, {measure, options.leaf_term, options.max_leaf_size},
+                      {method, options.treelet_size, options.rounds});
+  return tree;
+}
+
+Box BoundsOf(const Positions& positions) {
+  Box box;
+  for (std::size_t i = 0; i < positions.size(); i += 3) {
+    box.Extend(Vec3{positions[i], positions[i + 1], positions[i + 2]});
+  }
+  return box;
+}
+
+bool NeedsRadius(const BuildOptions& options) {
+  const bool has_heuristic = options.builder != BuilderKind::kLbvh &&
+                             options.builder != BuilderKind::kBalanced &&
+                             options.builder != BuilderKind::kSlidingMidpoint;
+  return has_heuristic && options.heuristic != Heuristic::kSah;
+}
+
+class CpuBuilder : public Builder {
+ public:
+  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
+                                                  const BuildOptions& options,
+                                                  const CancelCheck& cancelled) override {
+    if (const auto status = CheckBuild(photons, options); !status.ok()) return status;
+    BuildReport report;
+    report.builder = BuilderName(options);
+    report.device = "cpu";
+    auto start = std::chrono::steady_clock::now();
+    const auto mark = [&](const char* stage) {
+      const auto now = std::chrono::steady_clock::now();
+      report.stages.push_back(
+          {stage, std::chrono::duration<double, std::micro>(now - start).count()});
+      start = now;
+    };
+    float radius = options.radius;
+    if (radius == 0 && NeedsRadius(options)) {
+      const BuildOptions lbvh{.morton_bits = options.morton_bits};
+      radius = SampleGatherRadius(BuildCpuTree(photons.positions, lbvh, 0), photons.positions,
+                                  options.seed);
+      mark("radius");
+    }
+    if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
+    Tree tree = BuildCpuTree(photons.positions, options, radius);
+    mark("tree");
+    return MakeTreeGatherer(photons, std::move(tree), std::move(report));
+  }
+};
+
+}  // namespace
+
+std::uint32_t TreeletInputLeafSize(const BuildOptions& options) {
+  return options.leaf_term == LeafTerm::kLeafSize ? std::max(options.max_leaf_size / 4, 1u)
+                                                  : options.max_leaf_size;
+}
+
+Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius) {
+  const bool overlaps =
+      options.builder == BuilderKind::kTrbvh || options.builder == BuilderKind::kAtrbvh;
+  const auto build = [&]() -> LooseTree {
+    if (positions.empty()) return {};
+    const Measure measure(options.heuristic, BoundsOf(positions), radius);
+    switch (options.builder) {
+      case BuilderKind::kLbvh:
+        return BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
+                         options.max_leaf_size);
+      case BuilderKind::kTreelet:
+      case BuilderKind::kTrbvh:
+      case BuilderKind::kAtrbvh:
+        return BuildTreelets(positions, options, measure);
+      case BuilderKind::kHybrid:
+        return BuildHybrid(positions, options, measure);
+      case BuilderKind::kBalanced:
+        return BuildBalanced(positions, options);
+      case BuilderKind::kSlidingMidpoint:
+        return BuildSlidingMidpoint(positions, options);
+      case BuilderKind::kSweep:
+        return BuildSweep(positions, options, measure);
+    }
+    return {};
+  };
+  return Arrange(build(), overlaps ? TreeKind::kBvh : TreeKind::kKdTree, options.max_leaf_size);
+}
+
+std::unique_ptr<Builder> MakeCpuBuilder() { return std::make_unique<CpuBuilder>(); }
+
+}  // namespace treelight

@@ -1,0 +1,28 @@
+#ifndef TREELIGHT_CORE_CPU_GATHER_RADIUS_H_
+#define TREELIGHT_CORE_CPU_GATHER_RADIUS_H_
+
+#include <cstdint>
+#include <vector>
+
+#include "core/model/tree.h"
+
+namespace treelight {
+
+/// Queries that a gather radius is sampled from.
+inline constexpr std::uint32_t kRadiusSamples = 101;
+
+/// Neighbours of such a query.
+inline constexpr std::uint32_t kRadiusNeighbors = 50;
+
+/// The photons that are the queries: kRadiusSamples indices below `photon_count`, drawn with
+/// replacement, index i by a hash of seed and i (the output of PCG, Jarzynski and Olano 2020, "Hash
+/// Functions for GPU Rendering") modulo `photon_count`, which is not 0.
+std::vector<std::uint32_t> SamplePhotons(std::uint32_t photon_count, std::uint32_t seed);
+
+/// The median over the sampled photons of the distance to the kRadiusNeighbors-th photon, itself
+/// included, or to the farthest where there are fewer. Scene units; 0 where there are no photons.
+float SampleGatherRadius(const Tree& tree, const std::vector<float>& positions, std::uint32_t seed);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_GATHER_RADIUS_H_

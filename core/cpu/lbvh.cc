@@ -1,0 +1,163 @@
+#include "core/cpu/lbvh.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numeric>
+
+#include "core/cpu/median.h"
+#include "core/model/morton_grid.h"
+#include "tbb/parallel_for.h"
+#include "tbb/parallel_sort.h"
+
+namespace treelight {
+namespace {
+
+// Codes of ties end at this level at most: below remain 35 for medians and places.
+constexpr std::uint32_t kLastCodeLevel = 93;
+
+/// Spreads the lowest 21 bits of `v` to every third bit.
+std::uint64_t Spread(std::uint64_t v) {
+  v = (v | v << 32) & 0x001f00000000ffff;
+  v = (v | v << 16) & 0x001f0000ff0000ff;
+  v = (v | v << 8) & 0x100f00f00f00f00f;
+  v = (v | v << 4) & 0x10c30c30c30c30c3;
+  return (v | v << 2) & 0x1249249249249249;
+}
+
+std::uint64_t MortonCode(const Vec3& p, const MortonGrid& grid, unsigned bits_per_axis) {
+  const std::uint64_t last = (std::uint64_t{1} << bits_per_axis) - 1;
+  std::uint64_t code = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float cell = (Component(p, axis) - grid.min[axis]) * grid.prescale * grid.scale[axis];
+    const std::uint64_t number =
+        cell >= static_cast<float>(last) ? last : static_cast<std::uint64_t>(std::max(cell, 0.0f));
+    code |= Spread(number) << (2 - axis);
+  }
+  return code;
+}
+
+/// As many cells along each axis, whatever its extent.
+MortonGrid PerAxisGrid(const Box& bounds, unsigned bits_per_axis) {
+  MortonGrid grid = MakeMortonGrid(bounds, bits_per_axis);
+  const float cells = std::exp2(static_cast<float>(bits_per_axis));
+  for (int axis = 0; axis < 3; ++axis) {
+    const float extent = Component(bounds.max, axis) - Component(bounds.min, axis);
+    const float scale = cells / (extent * grid.prescale);
+    grid.scale[axis] = std::isfinite(scale) ? scale : 0.0f;
+  }
+  return grid;
+}
+
+/// Cubic cells with a scale that is a power of two, half to all of 1024 along the longest edge.
+MortonGrid PowerOfTwoGrid(const Box& box) {
+  const float longest =
+      std::max({box.max.x - box.min.x, box.max.y - box.min.y, box.max.z - box.min.z});
+  MortonGrid grid{};
+  grid.prescale = longest < 0x1p-60f ? 0x1p96f : 1.0f;
+  int exponent = 0;
+  std::frexp(longest * grid.prescale, &exponent);
+  for (int axis = 0; axis < 3; ++axis) {
+    grid.min[axis] = Component(box.min, axis);
+    grid.scale[axis] = std::ldexp(1.0f, 10 - exponent);
+  }
+  return grid;
+}
+
+/// The boundary within the range whose two places differ in the highest bit: the place after it.
+std::uint32_t CutByPlace(const PhotonRange& range) {
+  const std::uint32_t last = range.last - 1;
+  return last & ~((std::bit_floor(range.first ^ last)) - 1);
+}
+
+}  // namespace
+
+LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
+                           MortonLayout layout, std::uint32_t max_leaf_size)
+    : positions_(positions),
+      layout_(layout),
+      max_leaf_size_(max_leaf_size),
+      code_bits_(static_cast<std::uint32_t>(bits)),
+      ids_(positions.size() / 3),
+      codes_(positions.size() / 3) {
+  std::iota(ids_.begin(), ids_.end(), 0u);
+  for (const std::uint32_t id : ids_) bounds_.Extend(PositionOf(id));
+  const unsigned bits_per_axis = code_bits_ / 3;
+  SortByCodes(Root(),
+              layout == MortonLayout::kCubic ? MakeMortonGrid(bounds_, bits_per_axis)
+                                             : PerAxisGrid(bounds_, bits_per_axis),
+              bits_per_axis);
+}
+
+LbvhSplitter::Range LbvhSplitter::Root() const {
+  return {{0, static_cast<std::uint32_t>(ids_.size()), 0}, code_bits_};
+}
+
+Vec3 LbvhSplitter::PositionOf(std::uint32_t id) const {
+  const float* p = &positions_[3 * std::size_t{id}];
+  return {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f};
+}
+
+void LbvhSplitter::SortByCodes(const PhotonRange& range, const MortonGrid& grid,
+                               unsigned bits_per_axis) {
+  struct CodedPhoton {
+    std::uint64_t code;
+    std::uint32_t place, id;
+  };
+  std::vector<CodedPhoton> photons(range.count());
+  tbb::parallel_for(0u, range.count(), [&](std::uint32_t i) {
+    const std::uint32_t id = ids_[range.first + i];
+    photons[i] = {MortonCode(PositionOf(id), grid, bits_per_axis), i, id};
+  });
+  tbb::parallel_sort(photons.begin(), photons.end(),
+                     [](const CodedPhoton& a, const CodedPhoton& b) {
+                       return a.code < b.code || (a.code == b.code && a.place < b.place);
+                     });
+  for (std::uint32_t i = 0; i < range.count(); ++i) {
+    ids_[range.first + i] = photons[i].id;
+    codes_[range.first + i] = photons[i].code;
+  }
+}
+
+std::uint32_t LbvhSplitter::FindCodeCut(const PhotonRange& range) const {
+  const std::uint64_t bit = std::bit_floor(codes_[range.first] ^ codes_[range.last - 1]);
+  const auto begin = codes_.begin() + range.first, end = codes_.begin() + range.last;
+  const auto cut =
+      std::partition_point(begin, end, [bit](std::uint64_t code) { return (code & bit) == 0; });
+  return static_cast<std::uint32_t>(cut - codes_.begin());
+}
+
+std::uint32_t LbvhSplitter::CutTies(Range& range) {
+  if (layout_ == MortonLayout::kPerAxis) return CutByPlace(range);
+  Box box;
+  for (const std::uint32_t id : LeafIds(range)) box.Extend(PositionOf(id));
+  if (box.min == box.max) return CutByPlace(range);
+  if (range.level + kTieBits <= kLastCodeLevel) {
+    SortByCodes(range, PowerOfTwoGrid(box), kTieBits / 3);
+    range.level += kTieBits;
+    return FindCodeCut(range);
+  }
+  const int axis = WidestAxis(box);
+  std::stable_sort(ids_.begin() + range.first, ids_.begin() + range.last,
+                   [&](std::uint32_t a, std::uint32_t b) {
+                     return Component(PositionOf(a), axis) < Component(PositionOf(b), axis);
+                   });
+  ++range.level;
+  return range.first + WholeLeavesMedian(range.count(), max_leaf_size_);
+}
+
+std::pair<LbvhSplitter::Range, LbvhSplitter::Range> LbvhSplitter::Split(const Range& range) {
+  Range whole = range;
+  const bool tied = codes_[range.first] == codes_[range.last - 1];
+  const std::uint32_t middle = tied ? CutTies(whole) : FindCodeCut(whole);
+  return {{{range.first, middle, range.depth + 1}, whole.level},
+          {{middle, range.last, range.depth + 1}, whole.level}};
+}
+
+LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
+                    std::uint32_t max_leaf_size) {
+  LbvhSplitter splitter(positions, bits, layout, max_leaf_size);
+  return TopDown(positions, max_leaf_size, splitter).Build(splitter.Root());
+}
+
+}  // namespace treelight

@@ -1,0 +1,61 @@
+#ifndef TREELIGHT_CORE_CPU_LBVH_H_
+#define TREELIGHT_CORE_CPU_LBVH_H_
+
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "core/builder.h"
+#include "core/cpu/top_down.h"
+
+namespace treelight {
+
+/// How Morton cells lie over the box of all photons, and what happens to photons of one cell.
+enum class MortonLayout {
+  kCubic,    ///< cubic cells; runs of equal codes longer than a leaf are rebuilt by position
+  kPerAxis,  ///< as many cells along each axis, runs of equal codes split by place: Karras 2012 as
+             ///< he has it. Siblings within such a run overlap: the tree is a BVH.
+};
+
+/// The tree of the radix sort of Morton codes (Karras 2012), top-down: a subtree is cut where the
+/// highest bit changes in which its codes differ. kCubic gives the device's `lbvh` bit by bit.
+class LbvhSplitter {
+ public:
+  struct Range : PhotonRange {
+    std::uint32_t level = 0;  ///< next free level, see BreakTies of core/gpu/ties.h
+  };
+
+  LbvhSplitter(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
+               std::uint32_t max_leaf_size);
+
+  Range Root() const;
+  const Box& bounds() const { return bounds_; }
+
+  std::pair<Range, Range> Split(const Range& range);
+  std::span<const std::uint32_t> LeafIds(const PhotonRange& range) const {
+    return std::span(ids_).subspan(range.first, range.count());
+  }
+
+ private:
+  Vec3 PositionOf(std::uint32_t id) const;
+  void SortByCodes(const PhotonRange& range, const MortonGrid& grid, unsigned bits_per_axis);
+  std::uint32_t FindCodeCut(const PhotonRange& range) const;
+  std::uint32_t CutTies(Range& range);
+
+  const std::vector<float>& positions_;
+  const MortonLayout layout_;
+  const std::uint32_t max_leaf_size_;
+  const std::uint32_t code_bits_;
+  Box bounds_;
+  std::vector<std::uint32_t> ids_;    ///< [n] photon at each place
+  std::vector<std::uint64_t> codes_;  ///< [n] code at each place, in the grid of its run
+};
+
+/// The whole tree.
+LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
+                    std::uint32_t max_leaf_size);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_LBVH_H_

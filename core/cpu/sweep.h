@@ -1,0 +1,64 @@
+#ifndef TREELIGHT_CORE_CPU_SWEEP_H_
+#define TREELIGHT_CORE_CPU_SWEEP_H_
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "core/cpu/top_down.h"
+#include "core/model/heuristic.h"
+
+namespace treelight {
+
+/// Takes the cut of least cost among all cuts between neighbours on the three axes (the sweep of
+/// MacDonald and Booth 1990 over tight boxes, as Wald 2007 has it for BVHs):
+///   cost = M(left) * T(left count) + M(right) * T(right count)
+/// M is the heuristic's measure; T(n) = n, or ceil(n / B) with kLeafSize. In float32, the two
+/// products rounded, then their sum. Photons are swept in the order of (coordinate, photon index).
+/// Of equal costs the cut nearest the middle wins, then the lower axis, then the lower place.
+class SweepSplitter {
+ public:
+  using Range = PhotonRange;
+
+  /// Photons are at their places, but no range is sorted yet.
+  SweepSplitter(const std::vector<float>& positions, const Measure& measure,
+                std::uint32_t max_leaf_size, LeafTerm leaf_term);
+
+  /// Lets `ids` be the photons of the range and sorts them on each axis. Before the first Split.
+  void Begin(const Range& range, std::span<const std::uint32_t> ids);
+
+  std::pair<Range, Range> Split(const Range& range);
+  std::span<const std::uint32_t> LeafIds(const Range& range);
+
+ private:
+  struct Cut {
+    float cost;
+    std::uint32_t imbalance;  ///< |left count - right count|
+    int axis;
+    std::uint32_t left_count;
+    friend bool operator<(const Cut& a, const Cut& b) {
+      return a.cost < b.cost || (a.cost == b.cost && a.imbalance < b.imbalance);
+    }
+  };
+
+  float LeafUnits(std::uint32_t count) const;
+  Cut SweepAxis(const Range& range, int axis);
+  Cut FindCut(const Range& range);
+  void Partition(const Range& range, const Cut& cut);
+
+  const Measure measure_;
+  const std::uint32_t max_leaf_size_;
+  const LeafTerm leaf_term_;
+  const std::vector<float>& positions_;
+  std::array<std::vector<LeafPhoton>, 3> orders_;  ///< [n] each range sorted on that axis
+  std::array<std::vector<float>, 3> left_costs_;   ///< [n] of the sweep from the left
+  std::array<std::vector<LeafPhoton>, 3> spare_;   ///< [n] right parts while a range is cut
+  std::vector<std::uint8_t> goes_right_;           ///< [n] by photon index, of the last cut
+  std::vector<std::uint32_t> leaf_ids_;            ///< [n]
+};
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_SWEEP_H_

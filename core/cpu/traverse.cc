@@ -1,0 +1,171 @@
+#include "core/cpu/traverse.h"
+
+#include <algorithm>
+
+namespace treelight {
+namespace {
+
+/// A child on the way: where it is, and what its parent knows of it.
+struct Child {
+  std::uint32_t link, count, min_id;
+  float squared_distance;  ///< of its box
+};
+
+/// Squared distance to the box, rounded as the distance to a photon is: never above that of any
+/// photon of the box.
+float BoxSquaredDistance(const Vec3& q, const float* low, const float* high) {
+  const float dx = std::max(std::max(low[0] - q.x, q.x - high[0]), 0.0f);
+  const float dy = std::max(std::max(low[1] - q.y, q.y - high[1]), 0.0f);
+  const float dz = std::max(std::max(low[2] - q.z, q.z - high[2]), 0.0f);
+  return (dx * dx + dy * dy) + dz * dz;
+}
+
+/// Squared distance to the farthest corner of the box.
+float FarSquaredDistance(const Vec3& q, const float* low, const float* high) {
+  const float dx = std::max(q.x - low[0], high[0] - q.x);
+  const float dy = std::max(q.y - low[1], high[1] - q.y);
+  const float dz = std::max(q.z - low[2], high[2] - q.z);
+  return (dx * dx + dy * dy) + dz * dz;
+}
+
+Child LeftChild(const Tree& tree, std::uint32_t link, const Vec3& q) {
+  const Node& node = tree.nodes[link];
+  return {node.left, node.left_count, tree.min_ids[2 * std::size_t{link}],
+          BoxSquaredDistance(q, node.left_min, node.left_max)};
+}
+
+Child RightChild(const Tree& tree, std::uint32_t link, const Vec3& q) {
+  const Node& node = tree.nodes[link];
+  return {node.right, node.right_count, tree.min_ids[2 * std::size_t{link} + 1],
+          BoxSquaredDistance(q, node.right_min, node.right_max)};
+}
+
+Candidate CandidateOf(const Vec3& q, const LeafPhoton& photon) {
+  return {SquaredDistance(q, {photon.x, photon.y, photon.z}), photon.id};
+}
+
+class NearestSearch {
+ public:
+  NearestSearch(const Tree& tree, const Vec3& center, std::uint32_t k, float radius)
+      : tree_(tree), center_(center), k_(k), squared_radius_(radius * radius) {
+    answer_.limit = radius;
+  }
+
+  QueryAnswer Run() {
+    const Root& root = tree_.root;
+    const float d2 = root.count > 0 ? BoxSquaredDistance(center_, root.min, root.max) : 0;
+    if (root.count > 0 && d2 <= squared_radius_) Visit({root.link, root.count, 0, d2});
+    std::sort(answer_.found.begin(), answer_.found.end());
+    return std::move(answer_);
+  }
+
+ private:
+  bool IsFull() const { return answer_.found.size() == k_; }
+
+  /// Whether a candidate counts: what is within the radius, then what beats the k-th.
+  bool Beats(const Candidate& candidate) const {
+    return IsFull() ? candidate < answer_.found.front()
+                    : candidate.squared_distance <= squared_radius_;
+  }
+
+  bool MayHold(const Child& child) const { return Beats({child.squared_distance, child.min_id}); }
+
+  void Visit(const Child& child) {
+    ++answer_.nodes_visited;
+    if ((child.link & kLeafBit) != 0) {
+      VisitLeaf(child);
+      return;
+    }
+    Child near = LeftChild(tree_, child.link, center_);
+    Child far = RightChild(tree_, child.link, center_);
+    if (std::pair(far.squared_distance, far.min_id) <
+        std::pair(near.squared_distance, near.min_id)) {
+      std::swap(near, far);
+    }
+    if (MayHold(near)) Visit(near);
+    if (MayHold(far)) Visit(far);
+  }
+
+  void VisitLeaf(const Child& leaf) {
+    answer_.distance_tests += leaf.count;
+    std::vector<Candidate>& heap = answer_.found;  // the worst on top
+    const LeafPhoton* photons = &tree_.photons[leaf.link & ~kLeafBit];
+    for (std::uint32_t i = 0; i < leaf.count; ++i) {
+      const Candidate candidate = CandidateOf(center_, photons[i]);
+      if (!Beats(candidate)) continue;
+      if (IsFull()) {
+        std::pop_heap(heap.begin(), heap.end());
+        heap.pop_back();
+      }
+      heap.push_back(candidate);
+      std::push_heap(heap.begin(), heap.end());
+    }
+  }
+
+  const Tree& tree_;
+  const Vec3 center_;
+  const std::uint32_t k_;
+  const float squared_radius_;
+  QueryAnswer answer_;
+};
+
+class RangeSearch {
+ public:
+  RangeSearch(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole)
+      : tree_(tree), center_(center), squared_radius_(radius * radius), whole_(whole) {
+    answer_.limit = radius;
+  }
+
+  QueryAnswer Run() {
+    const Root& root = tree_.root;
+    if (root.count > 0) {
+      const float d2 = BoxSquaredDistance(center_, root.min, root.max);
+      Visit({root.link, root.count, 0, d2}, /*inside=*/false);
+    }
+    std::sort(answer_.found.begin(), answer_.found.end());
+    return std::move(answer_);
+  }
+
+ private:
+  /// @param inside  the photons below are listed, but no visits are counted
+  void Visit(const Child& child, bool inside) {
+    if (child.squared_distance > squared_radius_) return;
+    if (!inside) ++answer_.nodes_visited;
+    if ((child.link & kLeafBit) != 0) {
+      if (!inside) answer_.distance_tests += child.count;
+      const LeafPhoton* photons = &tree_.photons[child.link & ~kLeafBit];
+      for (std::uint32_t i = 0; i < child.count; ++i) {
+        const Candidate candidate = CandidateOf(center_, photons[i]);
+        if (candidate.squared_distance <= squared_radius_) answer_.found.push_back(candidate);
+      }
+      return;
+    }
+    const Node& node = tree_.nodes[child.link];
+    Visit(LeftChild(tree_, child.link, center_), inside || IsInside(node.left_min, node.left_max));
+    Visit(RightChild(tree_, child.link, center_),
+          inside || IsInside(node.right_min, node.right_max));
+  }
+
+  bool IsInside(const float* low, const float* high) const {
+    return whole_ == WholeSubtrees::kCounted &&
+           FarSquaredDistance(center_, low, high) <= squared_radius_;
+  }
+
+  const Tree& tree_;
+  const Vec3 center_;
+  const float squared_radius_;
+  const WholeSubtrees whole_;
+  QueryAnswer answer_;
+};
+
+}  // namespace
+
+QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, float radius) {
+  return NearestSearch(tree, center, k, radius).Run();
+}
+
+QueryAnswer FindWithin(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole) {
+  return RangeSearch(tree, center, radius, whole).Run();
+}
+
+}  // namespace treelight

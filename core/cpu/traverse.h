@@ -1,0 +1,29 @@
+#ifndef TREELIGHT_CORE_CPU_TRAVERSE_H_
+#define TREELIGHT_CORE_CPU_TRAVERSE_H_
+
+#include <cstdint>
+#include <vector>
+
+#include "core/cpu/answers.h"
+#include "core/model/tree.h"
+
+namespace treelight {
+
+/// The searches of kernels/gather_nearest.cl and gather_range.cl in plain C++: the same rules, so
+/// the same photons, the same nodes visited and the same distance tests.
+
+/// The k nearest photons within `radius`: depth-first, the nearer child first; a subtree is visited
+/// where its (box distance, smallest photon index) is below the k-th candidate so far.
+/// @param k  > 0
+QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, float radius);
+
+/// Whether a subtree that lies within the radius whole is visited, or only its size counted.
+enum class WholeSubtrees { kVisited, kCounted };
+
+/// All photons within `radius`. The visits are those of a count, where kCounted; the photons are
+/// found all the same.
+QueryAnswer FindWithin(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_TRAVERSE_H_

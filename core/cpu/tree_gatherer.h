@@ -1,0 +1,17 @@
+#ifndef TREELIGHT_CORE_CPU_TREE_GATHERER_H_
+#define TREELIGHT_CORE_CPU_TREE_GATHERER_H_
+
+#include <memory>
+
+#include "core/gatherer.h"
+
+namespace treelight {
+
+/// Answers gathers by searching `tree` on the CPU, by TBB in the arena of the caller.
+/// @param photons  what the tree was built over
+/// @param report   its `tree` is computed here
+std::unique_ptr<Gatherer> MakeTreeGatherer(Photons photons, Tree tree, BuildReport report);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_TREE_GATHERER_H_
