@@ -29,7 +29,8 @@ class PhotonRendererTest : public ::treelight::testing::ServerTest {
   void TearDown() override { client_.reset(); }
 
   UploadedMaps MustUpload(const Intersector& scene, std::uint64_t photon_count) {
-    const auto photons = TracePhotons(scene, {.photon_count = photon_count, .seed = 11});
+    const auto photons = TracePhotons(
+        scene, {.indirect_photons = photon_count, .caustic_photons = photon_count / 4, .seed = 11});
     EXPECT_TRUE(photons.ok()) << photons.status();
     auto maps = UploadMaps(*client_, *photons, {.name = "test"});
     EXPECT_TRUE(maps.ok()) << maps.status();
@@ -122,7 +123,8 @@ TEST_F(PhotonRendererTest, BatchesComeTogetherInOrder) {
   glass.spheres = {{.center = {0.5f, 0.5f, 0.4f}, .radius = 0.35f, .material = 2}};
   glass.camera.vertical_fov_degrees = 20;
   const Intersector scene = MustIntersect(glass);
-  const auto photons = TracePhotons(scene, {.photon_count = 20, .seed = 12});
+  const auto photons =
+      TracePhotons(scene, {.indirect_photons = 20, .caustic_photons = 10, .seed = 12});
   ASSERT_TRUE(photons.ok()) << photons.status();
   const auto maps = UploadMaps(*client_, *photons, {.name = "test"});
   ASSERT_TRUE(maps.ok()) << maps.status();

@@ -1,11 +1,17 @@
 #include "client/trace/photon_tracer.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
 
+#include "client/render/path_tracer.h"
 #include "client/scenes/cornell.h"
 #include "client/scenes/vector.h"
+#include "client/trace/dielectric.h"
+#include "client/trace/lights.h"
+#include "client/trace/random.h"
+#include "client/trace/sampling.h"
 #include "core/model/octahedral.h"
 #include "gtest/gtest.h"
 #include "tbb/global_control.h"
@@ -14,7 +20,9 @@
 namespace treelight::client {
 namespace {
 
+using ::treelight::testing::MakeClosedBox;
 using ::treelight::testing::MakeFurnace;
+using ::treelight::testing::MakeLampOverFloor;
 using ::treelight::testing::MakeLampUnderMirror;
 using ::treelight::testing::MustIntersect;
 
@@ -30,6 +38,10 @@ double PowerOf(const Photons& photons) {  // red
   return power;
 }
 
+Vec3 DirectionOf(const Photons& photons, std::size_t i) {
+  return Normalize(DecodeOctahedral(photons.directions[2 * i], photons.directions[2 * i + 1]));
+}
+
 /// Red power of the photons within `radius` of `center`, per area of the disc.
 double Irradiance(const Photons& photons, const Vec3& center, float radius) {
   double power = 0;
@@ -40,30 +52,85 @@ double Irradiance(const Photons& photons, const Vec3& center, float radius) {
   return power / (std::numbers::pi * radius * radius);
 }
 
+/// Everything that took power, less what came.
+Power Imbalance(const EnergyBalance& energy) {
+  Power sum{};
+  for (int c = 0; c < 3; ++c) {
+    sum[c] = energy.absorbed_diffuse[c] + energy.absorbed_elsewhere[c] + energy.escaped[c] +
+             energy.shading[c] + energy.roulette[c] + energy.cut[c] - energy.emitted[c];
+  }
+  return sum;
+}
+
+/// The Cornell box with every kind of surface and of light.
+Scene MakeMotley() {
+  Scene scene = MakeCornell();
+  scene.materials[0] = {.name = "satin",
+                        .surface = Surface::kGlossy,
+                        .reflectance = {0.5f, 0.4f, 0.3f},
+                        .specular = {0.3f, 0.4f, 0.5f},
+                        .exponent = 8};
+  scene.materials[5].transmittance = {0.9f, 0.95f, 0.8f};
+  scene.materials.push_back({.name = "sheet",
+                             .surface = Surface::kPane,
+                             .reflectance = {},
+                             .ior = 1.5f,
+                             .transmittance = {0.9f, 0.8f, 0.7f}});
+  AddQuad({-1, 1.2f, 1}, {1, 1.2f, 1}, {1, 1.2f, -1}, {-1, 1.2f, -1}, 6, scene.mesh);
+  scene.point_lights = {{.position = {-0.5f, 1.7f, 0}, .intensity = {0.3f, 0.4f, 0.5f}},
+                        {.position = {0.5f, 1, 0.9f},
+                         .intensity = {2, 2, 2},
+                         .direction = Normalize({0, -1, -1}),
+                         .cone_degrees = 30,
+                         .falloff_begin_degrees = 10}};
+  return scene;
+}
+
 TEST(PhotonTracer, EnergyIsConserved) {
   const auto seed = std::random_device{}();
-  const TracedPhotons photons = MustTrace(MakeCornell(), {.photon_count = 50'000, .seed = seed});
-  const EnergyBalance& energy = photons.energy;
-  const double light[3] = {18, 15, 11};
-  for (int c = 0; c < 3; ++c) {
-    EXPECT_NEAR(energy.emitted[c], std::numbers::pi * 0.25 * light[c], 1e-5 * energy.emitted[c])
-        << "seed " << seed;
-    const double sum = energy.absorbed[c] + energy.escaped[c] + energy.roulette[c] + energy.cut[c];
-    EXPECT_NEAR(sum, energy.emitted[c], 1e-6 * energy.emitted[c]) << "seed " << seed;
-    EXPECT_LT(std::abs(energy.roulette[c]), 0.03 * energy.emitted[c]) << "seed " << seed;
-    EXPECT_GT(energy.absorbed[c], 0.3 * energy.emitted[c]);
-    EXPECT_GT(energy.escaped[c], 0.1 * energy.emitted[c]);
-    EXPECT_EQ(energy.cut[c], 0);
+  for (const Scene& scene : {MakeCornell(), MakeMotley()}) {
+    const TracedPhotons photons =
+        MustTrace(scene, {.indirect_photons = 50'000, .caustic_photons = 1'000, .seed = seed});
+    const EnergyBalance& energy = photons.report.energy;
+    const Rgb power = Lights(scene).power();
+    const double expected[3] = {power.r, power.g, power.b};
+    const Power imbalance = Imbalance(energy);
+    for (int c = 0; c < 3; ++c) {
+      // Lights are drawn by the sum of their channels.
+      EXPECT_NEAR(energy.emitted[c], expected[c], 0.02 * expected[c]) << "seed " << seed;
+      EXPECT_NEAR(imbalance[c], 0, 1e-6 * energy.emitted[c]) << "seed " << seed;
+      EXPECT_LT(std::abs(energy.roulette[c]), 0.03 * energy.emitted[c]) << "seed " << seed;
+      EXPECT_GT(energy.absorbed_diffuse[c], 0.3 * energy.emitted[c]);
+      EXPECT_GT(energy.absorbed_elsewhere[c], 0.001 * energy.emitted[c]);
+      EXPECT_GT(energy.escaped[c], 0.03 * energy.emitted[c]);
+      EXPECT_EQ(energy.cut[c], 0);
+      EXPECT_EQ(energy.shading[c], 0);
+    }
   }
+}
+
+// Each set in the table is the sum of its photons, and two ways lead to the caustic one.
+TEST(PhotonTracer, StoredPowerIsThatOfThePhotons) {
+  const TracedPhotons photons =
+      MustTrace(MakeMotley(), {.indirect_photons = 100'000, .caustic_photons = 50'000, .seed = 2});
+  const TraceReport& report = photons.report;
+  EXPECT_EQ(report.indirect.photons, photons.indirect.size());
+  EXPECT_EQ(report.caustic.photons, photons.caustic.size());
+  EXPECT_NEAR(report.indirect.stored[0], PowerOf(photons.indirect),
+              1e-4 * report.indirect.stored[0]);
+  EXPECT_NEAR(report.caustic.stored[0], PowerOf(photons.caustic), 1e-4 * report.caustic.stored[0]);
+  EXPECT_NEAR(report.indirect.stored[0], report.energy.indirect[0],
+              1e-9 * report.energy.indirect[0]);
+  EXPECT_NEAR(report.caustic.stored[0], report.energy.caustic[0], 0.03 * report.energy.caustic[0]);
+  EXPECT_EQ(report.indirect.max_power, *std::ranges::max_element(photons.indirect.powers));
 }
 
 TEST(PhotonTracer, CutPathsAreAccounted) {
   const TracedPhotons photons =
-      MustTrace(MakeFurnace(0.9f, 1), {.photon_count = 10'000, .seed = 3, .max_bounces = 3});
-  const EnergyBalance& energy = photons.energy;
+      MustTrace(MakeFurnace(0.9f, 1), {.indirect_photons = 10'000, .seed = 3, .max_bounces = 3});
+  const EnergyBalance& energy = photons.report.energy;
   EXPECT_NEAR(energy.cut[0], std::pow(0.9, 3) * energy.emitted[0], 0.02 * energy.emitted[0]);
-  EXPECT_NEAR(energy.absorbed[0] + energy.escaped[0] + energy.roulette[0] + energy.cut[0],
-              energy.emitted[0], 1e-6 * energy.emitted[0]);
+  EXPECT_NEAR(Imbalance(energy)[0], 0, 1e-6 * energy.emitted[0]);
 }
 
 // Every wall emits E and reflects rho: the light that was reflected before brings pi E rho / (1 -
@@ -71,11 +138,11 @@ TEST(PhotonTracer, CutPathsAreAccounted) {
 TEST(PhotonTracer, FurnaceHasTheAnalyticIrradiance) {
   for (const float rho : {0.3f, 0.8f}) {
     Scene furnace = MakeFurnace(rho, 2);
-    const TracedPhotons photons = MustTrace(furnace, {.photon_count = 200'000, .seed = 4});
+    const TracedPhotons photons = MustTrace(furnace, {.indirect_photons = 200'000, .seed = 4});
     const double expected = std::numbers::pi * 2 * rho / (1 - rho);
-    EXPECT_NEAR(photons.energy.emitted[0], std::numbers::pi * 2 * 6, 1e-3);
+    EXPECT_NEAR(photons.report.energy.emitted[0], std::numbers::pi * 2 * 6, 1e-3);
     EXPECT_NEAR(PowerOf(photons.indirect) / 6, expected, 0.01 * expected) << rho;
-    EXPECT_EQ(photons.energy.escaped[0], 0);
+    EXPECT_EQ(photons.report.energy.escaped[0], 0);
     EXPECT_EQ(photons.caustic.size(), 0u);
     for (const Vec3& center :
          {Vec3{0.5f, 0, 0.5f}, Vec3{0.5f, 1, 0.4f}, Vec3{0, 0.4f, 0.5f}, Vec3{0.6f, 0.5f, 1}}) {
@@ -93,7 +160,7 @@ TEST(PhotonTracer, LosslessSpheresLeaveTheFurnaceAsItIs) {
       {.name = "mirror", .surface = Surface::kMirror, .reflectance = {1, 1, 1}});
   furnace.spheres = {{.center = {0.3f, 0.3f, 0.3f}, .radius = 0.2f, .material = 1},
                      {.center = {0.7f, 0.7f, 0.6f}, .radius = 0.2f, .material = 2}};
-  const TracedPhotons photons = MustTrace(furnace, {.photon_count = 200'000, .seed = 5});
+  const TracedPhotons photons = MustTrace(furnace, {.indirect_photons = 200'000, .seed = 5});
   const double expected = std::numbers::pi;  // pi E rho / (1 - rho)
   EXPECT_GT(photons.caustic.size(), 0u);
   EXPECT_NEAR(PowerOf(photons.indirect) / 6, expected, 0.01 * expected);
@@ -106,63 +173,317 @@ TEST(PhotonTracer, LosslessSpheresLeaveTheFurnaceAsItIs) {
 TEST(PhotonTracer, CausticOfASmallLampHasTheAnalyticIrradiance) {
   constexpr float kSide = 0.1f, kRadiance = 50;
   const Scene scene = MakeLampUnderMirror(kRadiance, kSide);
-  const TracedPhotons photons = MustTrace(scene, {.photon_count = 1'000'000, .seed = 6});
+  const TracedPhotons photons =
+      MustTrace(scene, {.indirect_photons = 0, .caustic_photons = 1'500'000, .seed = 6});
   const float x = 1.5f, radius = 0.4f;
   const double squared_distance = 9 + x * x, squared_cosine = 9 / squared_distance;
   const double expected = kRadiance * kSide * kSide * squared_cosine / squared_distance;
   EXPECT_NEAR(Irradiance(photons.caustic, {x, 0, 0}, radius), expected, 0.02 * expected);
   for (std::size_t i = 0; i < 100; ++i) {  // directions point away from the image of the lamp
     const Vec3 p = photons.caustic.position(i);
-    const Vec3 d = Normalize(
-        DecodeOctahedral(photons.caustic.directions[2 * i], photons.caustic.directions[2 * i + 1]));
-    EXPECT_GT(Dot(d, Normalize(p - Vec3{0, 3, 0})), 0.999f);
+    EXPECT_GT(Dot(DirectionOf(photons.caustic, i), Normalize(p - Vec3{0, 3, 0})), 0.999f);
   }
 }
 
 TEST(PhotonTracer, GivesTheSamePhotonsForAnyNumberOfThreads) {
-  const PhotonTraceOptions options{.photon_count = 60'000, .seed = 7};
+  const PhotonTraceOptions options{
+      .indirect_photons = 60'000, .caustic_photons = 20'000, .seed = 7};
   std::vector<TracedPhotons> runs;
   for (const std::size_t threads : {1, 2, 8}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     runs.push_back(MustTrace(MakeCornell(), options));
   }
   for (const TracedPhotons& run : runs) {
-    EXPECT_EQ(run.emitted_paths, runs[0].emitted_paths);
+    EXPECT_EQ(run.report.indirect.paths, runs[0].report.indirect.paths);
     EXPECT_EQ(run.indirect.positions, runs[0].indirect.positions);
     EXPECT_EQ(run.indirect.powers, runs[0].indirect.powers);
     EXPECT_EQ(run.indirect.directions, runs[0].indirect.directions);
     EXPECT_EQ(run.caustic.positions, runs[0].caustic.positions);
     EXPECT_EQ(run.caustic.powers, runs[0].caustic.powers);
-    EXPECT_EQ(run.energy.absorbed, runs[0].energy.absorbed);
+    EXPECT_EQ(run.caustic.directions, runs[0].caustic.directions);
+    EXPECT_EQ(run.report.energy.absorbed_diffuse, runs[0].report.energy.absorbed_diffuse);
   }
-  EXPECT_NE(MustTrace(MakeCornell(), {.photon_count = 60'000, .seed = 8}).indirect.positions,
+  EXPECT_NE(MustTrace(MakeCornell(), {.indirect_photons = 60'000, .seed = 8}).indirect.positions,
             runs[0].indirect.positions);
 }
 
 // The batches are cut where the count is reached: asking for more photons must only add to the end.
 TEST(PhotonTracer, MorePhotonsBeginWithTheFewer) {
-  const TracedPhotons few = MustTrace(MakeCornell(), {.photon_count = 3'000, .seed = 9});
-  const TracedPhotons many = MustTrace(MakeCornell(), {.photon_count = 90'000, .seed = 9});
-  const std::size_t stored = few.indirect.size() + few.caustic.size();
-  EXPECT_GE(stored, 3'000u);
-  EXPECT_LT(stored, 3'050u);  // the last path is kept whole
+  const TracedPhotons few =
+      MustTrace(MakeCornell(), {.indirect_photons = 3'000, .caustic_photons = 2'000, .seed = 9});
+  const TracedPhotons many =
+      MustTrace(MakeCornell(), {.indirect_photons = 90'000, .caustic_photons = 40'000, .seed = 9});
+  EXPECT_GE(few.indirect.size(), 3'000u);
+  EXPECT_LT(few.indirect.size(), 3'050u);  // the last path is kept whole
+  EXPECT_EQ(few.caustic.size(), 2'000u);
   ASSERT_GT(many.indirect.size(), few.indirect.size());
+  ASSERT_GT(many.caustic.size(), few.caustic.size());
   EXPECT_TRUE(std::equal(few.indirect.positions.begin(), few.indirect.positions.end(),
                          many.indirect.positions.begin()));
   EXPECT_TRUE(std::equal(few.caustic.positions.begin(), few.caustic.positions.end(),
                          many.caustic.positions.begin()));
 }
 
+TEST(PhotonTracer, BlocksAreThePhotonsBeforeDivision) {
+  const PhotonTraceOptions options{
+      .indirect_photons = 30'000, .caustic_photons = 5'000, .seed = 10};
+  const Intersector scene = MustIntersect(MakeCornell());
+  Photons sets[2];
+  std::size_t blocks = 0, largest = 0;
+  const auto report = TracePhotons(scene, options, [&](PhotonSet set, const Photons& block) {
+    Photons& all = sets[set == PhotonSet::kCaustic];
+    all.positions.insert(all.positions.end(), block.positions.begin(), block.positions.end());
+    all.powers.insert(all.powers.end(), block.powers.begin(), block.powers.end());
+    ++blocks, largest = std::max(largest, block.size());
+    return absl::OkStatus();
+  });
+  ASSERT_TRUE(report.ok()) << report.status();
+  const auto whole = TracePhotons(scene, options);
+  ASSERT_TRUE(whole.ok());
+  EXPECT_EQ(sets[0].positions, whole->indirect.positions);
+  EXPECT_EQ(sets[1].positions, whole->caustic.positions);
+  EXPECT_FLOAT_EQ(sets[1].powers[7] / static_cast<float>(report->caustic.paths),
+                  whole->caustic.powers[7]);
+  EXPECT_GT(blocks, 5u);
+  EXPECT_LT(largest, 20'000u);
+  const auto failed = TracePhotons(scene, options, [](PhotonSet, const Photons&) {
+    return absl::ResourceExhaustedError("disk full");
+  });
+  EXPECT_EQ(failed.status().message(), "disk full");
+}
+
+/// A floor under a lamp and a horizontal sheet in between that faces it.
+Scene MakeLampOverSheet() {
+  Scene scene = MakeLampOverFloor(50, 0.1f);
+  scene.materials.push_back(
+      {.name = "sheet", .surface = Surface::kPane, .reflectance = {}, .ior = 1.5f});
+  AddQuad({-10, 0.5f, 10}, {10, 0.5f, 10}, {10, 0.5f, -10}, {-10, 0.5f, -10}, 2, scene.mesh);
+  // A second floor over it all, which the sheet reflects to.
+  AddQuad({-10, 2, -10}, {10, 2, -10}, {10, 2, 10}, {-10, 2, 10}, 0, scene.mesh);
+  return scene;
+}
+
+// What passes a pane is direct light; what it reflects belongs to the indirect set, and panes alone
+// make no caustic set.
+TEST(PhotonTracer, PanesMakeNoCaustics) {
+  const Scene scene = MakeLampOverSheet();
+  const TracedPhotons photons = MustTrace(scene, {.indirect_photons = 100'000, .seed = 11});
+  const EnergyBalance& energy = photons.report.energy;
+  EXPECT_EQ(photons.caustic.size(), 0u);
+  EXPECT_EQ(photons.report.caustic.paths, 0u);
+  EXPECT_EQ(energy.caustic[0], 0);
+  // Lambertian light: the share 2 cos dcos of it passes.
+  double passed = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const auto cosine = static_cast<float>((i + 0.5) / 1000);
+    passed += 2 * cosine * SplitAtPane(cosine, 1.5f, {1, 1, 1}).passed.r / 1000;
+  }
+  EXPECT_NEAR(energy.direct[0], passed * energy.emitted[0], 0.01 * energy.emitted[0]);
+  // The ceiling above the lamp has what the sheet reflected, and a quarter of the rest at most.
+  double near_lamp = 0;
+  for (std::size_t i = 0; i < photons.indirect.size(); ++i) {
+    if (photons.indirect.position(i).y > 1.9f) near_lamp += photons.indirect.powers[3 * i];
+  }
+  EXPECT_GT(near_lamp, (1 - passed) * energy.emitted[0]);
+}
+
+// With a sphere of glass in the same scene, what a pane reflects into it is a caustic.
+TEST(PhotonTracer, GlassBesidePanesMakesCaustics) {
+  Scene scene = MakeLampOverSheet();
+  scene.materials.push_back(
+      {.name = "glass", .surface = Surface::kDielectric, .reflectance = {}, .ior = 1.5f});
+  scene.spheres = {{.center = {0.5f, 1.5f, 0}, .radius = 0.3f, .material = 3}};  // above the lamp
+  const TracedPhotons photons =
+      MustTrace(scene, {.indirect_photons = 200'000, .caustic_photons = 2'000, .seed = 12});
+  ASSERT_GE(photons.caustic.size(), 2'000u);
+  const double targeted = photons.report.caustic.stored[0];
+  EXPECT_NEAR(targeted, photons.report.energy.caustic[0], 0.1 * targeted);
+}
+
+// The floor under a mirror whose vertices all have the normal N: the lamp at height 3 gives
+// L A cos_lamp (d.N) / d^2, as the path tracer has it.
+TEST(PhotonTracer, StoresIrradianceAboutTheShadingNormal) {
+  constexpr float kSide = 0.1f, kRadiance = 50;
+  Scene scene = MakeLampUnderMirror(kRadiance, kSide);
+  const Vec3 normal = Normalize({-0.6f, 1, 0});
+  scene.mesh.normals.assign(scene.mesh.vertices.size(), Vec3{});
+  for (int vertex = 0; vertex < 4; ++vertex) scene.mesh.normals[vertex] = normal;
+  const TracedPhotons photons =
+      MustTrace(scene, {.indirect_photons = 0, .caustic_photons = 1'500'000, .seed = 13});
+  for (const float x : {-1.5f, 1.5f}) {
+    const Vec3 to_lamp = Normalize({-x, 3, 0});
+    const double expected =
+        kRadiance * kSide * kSide * (3 / std::sqrt(9 + x * x)) * Dot(to_lamp, normal) / (9 + x * x);
+    EXPECT_NEAR(Irradiance(photons.caustic, {x, 0, 0}, 0.4f), expected, 0.02 * expected) << x;
+  }
+}
+
+/// A box with a lamp that shines at its ceiling, over a coarse sphere of 8 x 4 facets with smooth
+/// normals: the sphere has light from the walls alone.
+Scene MakeCoarseSphere(Surface surface) {
+  Scene scene = MakeClosedBox({.name = "grey", .reflectance = {0.6f, 0.6f, 0.6f}});
+  scene.materials.push_back({.name = "lamp", .reflectance = {}, .emission = {10, 10, 10}});
+  scene.materials.push_back({.name = "ball",
+                             .surface = surface,
+                             .reflectance = {0.5f, 0.5f, 0.5f},
+                             .specular = {0.3f, 0.3f, 0.3f},
+                             .exponent = 10});
+  AddQuad({0.2f, 0.9f, 0.8f}, {0.8f, 0.9f, 0.8f}, {0.8f, 0.9f, 0.2f}, {0.2f, 0.9f, 0.2f}, 1,
+          scene.mesh);
+  Mesh& mesh = scene.mesh;
+  mesh.normals.assign(mesh.vertices.size(), Vec3{});
+  const auto point = [](int i, int j) {
+    const double a = i * std::numbers::pi / 4, b = j * std::numbers::pi / 4;
+    return Vec3{static_cast<float>(std::cos(a) * std::sin(b)), static_cast<float>(std::cos(b)),
+                static_cast<float>(-std::sin(a) * std::sin(b))};
+  };
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 4; ++j) {
+      const Vec3 corners[4] = {point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)};
+      const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+      for (const Vec3& n : corners) {
+        mesh.vertices.push_back(Vec3{0.5f, 0.45f, 0.5f} + 0.3f * n);
+        mesh.normals.push_back(n);
+      }
+      if (j < 3) mesh.corners.push_back({first, first + 1, first + 2}), mesh.materials.push_back(2);
+      if (j > 0) mesh.corners.push_back({first, first + 2, first + 3}), mesh.materials.push_back(2);
+    }
+  }
+  return scene;
+}
+
+/// Mean over the upper facets of the sphere of MakeCoarseSphere, and over the lower ones, of the
+/// red irradiance.
+struct SphereIrradiance {
+  double upper = 0, lower = 0;
+};
+
+/// By photons. Counts those that were stored less than a facet's sagitta off the sphere.
+SphereIrradiance ByPhotons(const Photons& photons, double area) {
+  SphereIrradiance irradiance;
+  for (std::size_t i = 0; i < photons.size(); ++i) {
+    const Vec3 p = photons.position(i) - Vec3{0.5f, 0.45f, 0.5f};
+    if (Length(p) < 0.31f)
+      (p.y > 0 ? irradiance.upper : irradiance.lower) += photons.powers[3 * i] / (area / 2);
+  }
+  return irradiance;
+}
+
+/// By gathering radiance over the hemisphere, with camera paths.
+SphereIrradiance ByPaths(const Intersector& intersector, double& area) {
+  const Scene& scene = intersector.scene();
+  const Lights lights(scene);
+  SphereIrradiance irradiance;
+  RandomStream random(14, RandomPurpose::kReferencePath, 0);
+  area = 0;
+  for (std::size_t i = 0; i < scene.mesh.corners.size(); ++i) {
+    if (scene.mesh.materials[i] != 2) continue;
+    const auto& [ia, ib, ic] = scene.mesh.corners[i];
+    const Vec3 a = scene.mesh.vertices[ia], b = scene.mesh.vertices[ib],
+               c = scene.mesh.vertices[ic];
+    const Vec3 cross = Cross(b - a, c - a);
+    const double facet = Length(cross) / 2;
+    area += facet;
+    constexpr int kSamples = 10'000;
+    for (int s = 0; s < kSamples; ++s) {
+      const float u = random.Uniform(), v = random.Uniform();
+      const Ray ray{TrianglePoint(a, b, c, u, v) + 0.01f * Normalize(cross), -Normalize(cross)};
+      const auto hit = intersector.Intersect(ray);
+      if (!hit || hit->triangle != i) continue;
+      const float x = random.Uniform(), y = random.Uniform();
+      const Vec3 direction = CosineDirection(hit->shading_normal, x, y);
+      if (Dot(direction, hit->normal) <= 0) continue;
+      const PathSample path = TracePath(intersector, lights, LeaveSurface(*hit, direction), random);
+      (hit->position.y > 0.45f ? irradiance.upper : irradiance.lower) +=
+          std::numbers::pi * path.radiance.r * facet / kSamples;
+    }
+  }
+  irradiance.upper /= area / 2, irradiance.lower /= area / 2;
+  return irradiance;
+}
+
+// Both ways of light: photons that are stored on facets with smooth normals, and that are scattered
+// by them, against the path tracer.
+TEST(PhotonTracer, AgreesWithThePathTracerOnSmoothNormals) {
+  for (const Surface surface : {Surface::kDiffuse, Surface::kGlossy}) {
+    const Scene scene = MakeCoarseSphere(surface);
+    double area = 0;
+    const SphereIrradiance paths = ByPaths(MustIntersect(scene), area);
+    EXPECT_NEAR(area, 4 * std::numbers::pi * 0.09, 0.15);
+    TracedPhotons traced =
+        MustTrace(scene, {.indirect_photons = 1'000'000, .caustic_photons = 100'000, .seed = 15});
+    const SphereIrradiance photons = ByPhotons(traced.indirect, area),
+                           caustic = ByPhotons(traced.caustic, area);
+    EXPECT_NEAR(photons.upper + caustic.upper, paths.upper, 0.015 * paths.upper);
+    EXPECT_NEAR(photons.lower + caustic.lower, paths.lower, 0.015 * paths.lower);
+    // Normals alone move light about: what they take they give elsewhere.
+    const EnergyBalance& energy = traced.report.energy;
+    EXPECT_NE(energy.shading[0], 0);
+    EXPECT_NEAR(Imbalance(energy)[0], 0, 1e-6 * energy.emitted[0]);
+  }
+}
+
+/// A box of satin walls with a mirror, a glass sphere and a sheet, in which one of two black
+/// patches of different size shines.
+Scene MakeSwapScene(bool second_shines) {
+  Scene scene = MakeClosedBox({.name = "satin",
+                               .surface = Surface::kGlossy,
+                               .reflectance = {0.5f, 0.5f, 0.5f},
+                               .specular = {0.3f, 0.3f, 0.3f},
+                               .exponent = 5});
+  const float first = second_shines ? 0 : 1, second = second_shines ? 1 : 0;
+  scene.materials.insert(
+      scene.materials.end(),
+      {{.name = "first", .reflectance = {}, .emission = {first, first, first}},
+       {.name = "second", .reflectance = {}, .emission = {second, second, second}},
+       {.name = "glass", .surface = Surface::kDielectric, .reflectance = {}, .ior = 1.5f},
+       {.name = "mirror", .surface = Surface::kMirror, .reflectance = {0.9f, 0.9f, 0.9f}},
+       {.name = "sheet", .surface = Surface::kPane, .reflectance = {}, .ior = 1.5f}});
+  AddQuad({0.1f, 0.95f, 0.1f}, {0.4f, 0.95f, 0.1f}, {0.4f, 0.95f, 0.4f}, {0.1f, 0.95f, 0.4f}, 1,
+          scene.mesh);  // faces down
+  AddQuad({0.4f, 0.05f, 0.95f}, {0.95f, 0.05f, 0.95f}, {0.95f, 0.05f, 0.4f}, {0.4f, 0.05f, 0.4f}, 2,
+          scene.mesh);  // faces up
+  AddQuad({0, 0.6f, 1}, {0.5f, 0.6f, 1}, {0.5f, 0.6f, 0}, {0, 0.6f, 0}, 5, scene.mesh);
+  scene.spheres = {{.center = {0.5f, 0.4f, 0.5f}, .radius = 0.2f, .material = 3},
+                   {.center = {0.8f, 0.75f, 0.5f}, .radius = 0.15f, .material = 4}};
+  return scene;
+}
+
+// Helmholtz reciprocity of all of transport: patches of equal radiance send each other the same
+// power, in each set.
+TEST(PhotonTracer, IsReciprocal) {
+  double indirect[2] = {}, caustic[2] = {};
+  for (const bool second_shines : {false, true}) {
+    const TracedPhotons traced =
+        MustTrace(MakeSwapScene(second_shines),
+                  {.indirect_photons = 1'500'000, .caustic_photons = 300'000, .seed = 16});
+    const auto received = [&](const Photons& photons) {
+      double power = 0;
+      for (std::size_t i = 0; i < photons.size(); ++i) {
+        const float y = photons.position(i).y, down = -DirectionOf(photons, i).y;
+        if (second_shines ? y == 0.95f && down < 0 : y == 0.05f && down > 0)  // on its front
+          power += photons.powers[3 * i];
+      }
+      return power;
+    };
+    indirect[second_shines] = received(traced.indirect);
+    caustic[second_shines] = received(traced.caustic);
+  }
+  EXPECT_GT(caustic[0], 0.01 * indirect[0]);
+  EXPECT_NEAR(indirect[0], indirect[1], 0.02 * indirect[1]);
+  EXPECT_NEAR(caustic[0], caustic[1], 0.03 * caustic[1]);
+}
+
 TEST(PhotonTracer, RefusesWhatStoresNothing) {
   const auto code = [](const Scene& scene, const PhotonTraceOptions& options) {
     return TracePhotons(MustIntersect(scene), options).status().code();
   };
-  EXPECT_EQ(code(MakeCornell(), {.photon_count = 0}), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(code(MakeCornell(), {.photon_count = 1, .max_bounces = 0}),
+  EXPECT_EQ(code(MakeCornell(), {.indirect_photons = 0, .caustic_photons = 0}),
             absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(code(MakeFurnace(0.5f, 0), {.photon_count = 1}), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(code(MakeCornell(), {.max_bounces = 0}), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(MakeFurnace(0.5f, 0), {}), absl::StatusCode::kFailedPrecondition);
   // One bounce off black walls: all light is direct.
-  EXPECT_EQ(code(MakeFurnace(0, 1), {.photon_count = 1}), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(code(MakeFurnace(0, 1), {}), absl::StatusCode::kFailedPrecondition);
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ constexpr std::uint32_t kReferenceSamples = 256;
 struct Options {
   std::string scene = "cornell", map_name, compare_path;
   std::vector<std::string> output_paths;
-  std::uint64_t photon_count = 1'000'000, seed = 1;
+  std::uint64_t photon_count = 1'000'000, caustic_photon_count = 200'000, seed = 1;
   std::optional<std::uint32_t> samples_per_pixel;
   PhotonRenderOptions render;
   ImageFileOptions file;
@@ -113,9 +113,10 @@ absl::StatusOr<PhotonRenderedImage> GatherPicture(const Intersector& scene, Phot
 }
 
 absl::StatusOr<TracedPhotons> TraceScene(const Intersector& scene, const Options& options) {
-  Progress progress("trace", options.photon_count, "photons");
+  Progress progress("trace", options.photon_count + options.caustic_photon_count, "photons");
   return TracePhotons(scene,
-                      {.photon_count = options.photon_count,
+                      {.indirect_photons = options.photon_count,
+                       .caustic_photons = options.caustic_photon_count,
                        .seed = options.seed,
                        .progress = [&](std::uint64_t photons) { progress.Update(photons); }});
 }
@@ -256,9 +257,14 @@ void AddPictureOptions(CLI::App& command, Options& options) {
 }
 
 void AddPhotonOptions(CLI::App& command, Options& options) {
-  command.add_option("--photons", options.photon_count, "Photons stored, in both maps together")
+  command.add_option("--photons", options.photon_count, "Photons of the indirect map; 0: none")
       ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}));
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
+  command
+      .add_option("--caustic-photons", options.caustic_photon_count,
+                  "Photons of the caustic map, where there is something specular; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
   AddEstimateOptions(command, "", "indirect light", options.render.indirect);
   AddEstimateOptions(command, "caustic-", "caustics", options.render.caustic);
   command

@@ -65,13 +65,14 @@ Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
 }  // namespace
 
 std::string FormatEnergy(const TracedPhotons& photons) {
-  const auto sum = [](const EnergyBalance::Power& power) { return power[0] + power[1] + power[2]; };
-  const EnergyBalance& energy = photons.energy;
+  const auto sum = [](const Power& power) { return power[0] + power[1] + power[2]; };
+  const EnergyBalance& energy = photons.report.energy;
   const double percent = 100 / sum(energy.emitted);
   return fmt::format(
       "light: {:.3f} W on {} paths = {:.2f} % absorbed + {:.2f} % escaped {:+.2f} % roulette + "
       "{:.2f} % cut off\n",
-      sum(energy.emitted), photons.emitted_paths, percent * sum(energy.absorbed),
+      sum(energy.emitted), photons.report.indirect.paths,
+      percent * (sum(energy.absorbed_diffuse) + sum(energy.absorbed_elsewhere)),
       percent * sum(energy.escaped), percent * sum(energy.roulette), percent * sum(energy.cut));
 }
 
@@ -86,8 +87,10 @@ std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
          fmt::format(
              "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} s "
              "(camera {:.2f} s, {:.1f} Mrays/s; waiting for gathers {:.2f} s), in all {:.2f} s\n",
-             times.trace_s, mega(photons.rays, times.trace_s), times.build_s, times.render_s,
-             render.camera_s, mega(render.rays, render.camera_s), render.wait_s, times.whole_s);
+             times.trace_s,
+             mega(photons.report.indirect.rays + photons.report.caustic.rays, times.trace_s),
+             times.build_s, times.render_s, render.camera_s, mega(render.rays, render.camera_s),
+             render.wait_s, times.whole_s);
 }
 
 std::string FormatError(const ImageError& error, const std::string& reference_path) {

@@ -40,7 +40,7 @@ absl::StatusOr<TracedPhotons> Trace(const Options& options) {
   if (!scene.ok()) return scene.status();
   const auto intersector = Intersector::Create(*std::move(scene));
   if (!intersector.ok()) return intersector.status();
-  Progress progress("trace", options.trace.photon_count, "photons");
+  Progress progress("trace", options.trace.indirect_photons, "photons");
   PhotonTraceOptions trace = options.trace;
   trace.progress = [&](std::uint64_t photons) { progress.Update(photons); };
   return TracePhotons(*intersector, trace);
@@ -71,7 +71,7 @@ void AddTraceCommand(CLI::App& app, GlobalOptions& global) {
       ->capture_default_str()
       ->check(CLI::IsMember(BuiltInScenes()));
   command
-      ->add_option("--photons", options->trace.photon_count,
+      ->add_option("--photons", options->trace.indirect_photons,
                    "Photons stored, indirect and caustic together; a few more may come")
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}));

@@ -94,9 +94,9 @@ Lights::Lights(const Scene& scene) {
   for (Light& light : lights_) light.first /= weight_, light.last /= weight_;
 }
 
-LightPoint Lights::Sample(float u, float v) const {
+LightPoint Lights::Sample(double u, float v) const {
   const auto chosen = std::min(
-      std::upper_bound(lights_.begin(), lights_.end(), double{u},
+      std::upper_bound(lights_.begin(), lights_.end(), u,
                        [](double value, const Light& light) { return value < light.last; }),
       lights_.end() - 1);
   const double share = chosen->last - chosen->first;
@@ -120,14 +120,28 @@ float Lights::Density(const Hit& hit, const Vec3& direction, float distance) con
   return density * distance * distance / std::fabs(Dot(direction, hit.normal));
 }
 
-Emission SampleEmission(const Lights& lights, float u, float v, float s, float t) {
+float DirectionDensity(const LightPoint& light, const Vec3& direction) {
+  if (light.point == nullptr) return std::max(0.0f, Dot(direction, light.normal)) / kPi;
+  return MaxChannel(IntensityTowards(*light.point, direction)) / MaxChannel(PowerOf(*light.point));
+}
+
+Vec3 SampleDirection(const LightPoint& light, float u, float v) {
+  return light.point == nullptr ? CosineDirection(light.normal, u, v)
+                                : SampleIntensity(*light.point, u, v);
+}
+
+Rgb PowerTowards(const LightPoint& light, const Vec3& direction) {
+  if (light.point == nullptr)
+    return (std::max(0.0f, Dot(direction, light.normal)) / light.density) * light.emission;
+  return (1 / light.probability) * IntensityTowards(*light.point, direction);
+}
+
+Emission SampleEmission(const Lights& lights, double u, float v, float s, float t) {
   const LightPoint light = lights.Sample(u, v);
-  if (light.point != nullptr) {
-    return {.ray = {light.position, SampleIntensity(*light.point, s, t)},
-            .power = (1 / light.probability) * PowerOf(*light.point)};
-  }
-  return {.ray = {light.position, CosineDirection(light.normal, s, t)},
-          .power = (kPi / light.density) * light.emission};
+  // PowerTowards / DirectionDensity, in which the direction cancels.
+  return {.ray = {light.position, SampleDirection(light, s, t)},
+          .power = light.point == nullptr ? (kPi / light.density) * light.emission
+                                          : (1 / light.probability) * PowerOf(*light.point)};
 }
 
 std::optional<DirectLight> SampleDirectLight(const Intersector& intersector, const Lights& lights,

@@ -19,6 +19,18 @@ struct LightPoint {
   Rgb emission;                       ///< a triangle's: radiance, W / unit^2 / sr
 };
 
+/// Density with which SampleDirection draws the unit direction `direction` from a point of a light,
+/// 1 / sr: cos / pi about the normal of a triangle; of a point light, in proportion to intensity.
+float DirectionDensity(const LightPoint& light, const Vec3& direction);
+
+/// Maps (u, v) in [0, 1)^2 to a unit direction with that density.
+Vec3 SampleDirection(const LightPoint& light, float u, float v);
+
+/// Power per solid angle that leaves `light` in the unit direction `direction`, divided by the
+/// density with which `light` was drawn: its mean over light points, integrated over all
+/// directions, is the power of all lights, W / sr.
+Rgb PowerTowards(const LightPoint& light, const Vec3& direction);
+
 /// A photon that leaves a light.
 struct Emission {
   Ray ray;
@@ -58,7 +70,7 @@ class Lights {
 
   /// Maps (u, v) in [0, 1)^2 to a point; points that are close in u and v stay close on a light.
   /// There must be a light.
-  LightPoint Sample(float u, float v) const;
+  LightPoint Sample(double u, float v) const;
 
   /// Density with which SampleDirectLight draws `direction` (unit), in which a light that shines
   /// from `hit` was met after `distance`, 1 / sr.
@@ -77,10 +89,9 @@ class Lights {
   double weight_ = 0;  // summed channels of the power
 };
 
-/// Draws a light point by (u, v) in [0, 1)^2 and a direction from it by (s, t): about the normal of
-/// a triangle with density cos / pi, from a point light in proportion to its intensity. The summed
-/// channels of `power` are always the same.
-Emission SampleEmission(const Lights& lights, float u, float v, float s, float t);
+/// Draws a light point by (u, v) in [0, 1)^2 and a direction from it by (s, t), as SampleDirection
+/// does. The summed channels of `power` are always the same.
+Emission SampleEmission(const Lights& lights, double u, float v, float s, float t);
 
 /// Draws a light point by (u, v) and shoots a shadow ray at it from `hit`. Nothing: it is behind
 /// either normal of the surface, faces away or is hidden. Whatever stands between hides, glass too:

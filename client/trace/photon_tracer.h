@@ -5,53 +5,109 @@
 #include <cstdint>
 #include <functional>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/trace/intersector.h"
 #include "core/model/photons.h"
 
 namespace treelight::client {
 
-/// Where the emitted power went, each [W] red, green, blue. But for rounding,
-///   emitted = absorbed + escaped + roulette + cut.
+/// Power, W: red, green, blue.
+using Power = std::array<double, 3>;
+
+/// Where the power that the paths of the indirect set carried went. But for rounding,
+///   emitted = absorbed_diffuse + absorbed_elsewhere + escaped + shading + roulette + cut.
+/// Every path is followed to its end for it, caustics included.
 struct EnergyBalance {
-  using Power = std::array<double, 3>;
   Power emitted{};
-  Power absorbed{};  ///< by surfaces: (1 - reflectance) of what arrives
-  Power escaped{};   ///< left the scene
+  Power absorbed_diffuse{};    ///< by kDiffuse and kGlossy surfaces, where photons are stored
+  Power absorbed_elsewhere{};  ///< by mirrors, glass and panes
+  Power escaped{};             ///< left the scene
+  Power shading{};   ///< taken by shading normals less what they gave; 0 where a scene has none
   Power roulette{};  ///< taken by Russian roulette less what it gave to the survivors; 0 in
                      ///< expectation
   Power cut{};       ///< on paths that were stopped at max_bounces
+
+  // What arrived at diffuse surfaces, each time that it did.
+  Power direct{};    ///< straight from a light or through panes; not stored
+  Power indirect{};  ///< that is stored in the indirect set
+  Power caustic{};   ///< that belongs to the caustic set, by untargeted paths
+};
+
+/// The two sets of photons that are stored. A path's letters are L for the light, D for a diffuse
+/// event and S for a specular one, the lobe of kGlossy included; straight passage of a pane has no
+/// letter, and reflection by a pane counts as S only after what MakesCaustics().
+enum class PhotonSet {
+  kIndirect,  ///< L (S|D)* D S* D, and L D by way of the reflection of panes
+  kCaustic,   ///< L S+ D
+};
+
+/// How the paths of the caustic set leave the lights.
+enum class CausticEmission {
+  kTargeted,  ///< towards specular surfaces (SampleEmissionTowards)
+  kUniform,   ///< as those of the indirect set
 };
 
 struct PhotonTraceOptions {
-  std::uint64_t photon_count = 1'000'000;  ///< stored in both maps together, > 0
+  std::uint64_t indirect_photons = 1'000'000;  ///< stored; 0: the set is left out
+  std::uint64_t caustic_photons = 200'000;  ///< stored where something makes caustics; 0: left out
   std::uint64_t seed = 1;
   std::uint32_t max_bounces = 1024;  ///< scattering events of one path, > 0
-  /// Called between rounds of work with the photons stored so far, on the calling thread.
+  CausticEmission caustic_emission = CausticEmission::kTargeted;
+  /// Called between rounds of work with the photons of both sets stored so far, on the calling
+  /// thread.
   std::function<void(std::uint64_t photons)> progress{};
 };
 
-/// Photons on the diffuse surfaces of a scene. Light that comes straight from a light is in neither
-/// set: it is left to shadow rays.
-struct TracedPhotons {
-  Photons indirect;  ///< reflected by a diffuse surface before: L (S|D)* D S* D
-  Photons caustic;   ///< by mirrors and glass alone: L S+ D
-  std::uint64_t emitted_paths = 0;
+/// What one set of photons took.
+struct PhotonSetReport {
+  std::uint64_t photons = 0;
+  std::uint64_t paths = 0;
   std::uint64_t rays = 0;
-  EnergyBalance energy;
+  Power stored{};       ///< sum of the photons' power, W
+  float max_power = 0;  ///< the largest channel of a photon, W
 };
 
-/// Photon tracing (Jensen 2001, "Realistic Image Synthesis Using Photon Mapping", chapter 5).
+/// What tracing took, and where the light went.
+struct TraceReport {
+  PhotonSetReport indirect, caustic;
+  EnergyBalance energy;  ///< zeros where there is no indirect set
+};
+
+/// Gets the photons of a set in order, in blocks, on the calling thread. Powers are those of one
+/// path: what it carries when the light has one path only, to be divided by the paths of the set,
+/// which are known at the end. An error ends tracing.
+using PhotonSink = std::function<absl::Status(PhotonSet set, const Photons& block)>;
+
+/// Photon tracing (Jensen 2001, "Realistic Image Synthesis Using Photon Mapping", chapter 5), the
+/// indirect set first. Takes some tens of MiB, however many photons there are.
 ///
-/// Paths start on the lights in proportion to their power, about the normal with density cos / pi.
-/// At a surface that reflects rho of the power P, the path goes on with probability p = max(rho P)
-/// / max(P) and power rho P / p, so that the largest channel keeps its power all along the path.
-/// Paths are traced in order of index until photon_count photons are stored; the path that reaches
-/// it is kept whole, so a few more may come. The same scene, count and seed give the same photons
-/// for any number of threads.
+/// Paths start on the lights in proportion to their power. At a surface that lets the share rho of
+/// the power P go on, the path goes on with probability p = max(rho P) / max(P), at most 1, and
+/// power rho P / p: without shading normals the largest channel keeps its power all along. Paths of
+/// the caustic set end at their first diffuse event. Light that comes straight from a light is in
+/// neither set: it is left to shadow rays.
 ///
-/// Runs on the TBB threads of the caller's arena. INVALID_ARGUMENT: photon_count or max_bounces is
-/// 0. FAILED_PRECONDITION: the scene has no light, or its light does not reach diffuse surfaces.
+/// Photons are stored at kDiffuse and kGlossy surfaces, where their density times reflectance / pi
+/// is the radiance of the Lambertian part; their power holds ArrivalFactor(). Paths are traced in
+/// order of index until enough photons are stored; the path that reaches the count is kept whole,
+/// so a few more may come. The same scene, options and seed give the same photons for any number of
+/// threads, and a set does not depend on the size of the other.
+///
+/// A set of which less than 1 path in 10^4 stores a photon, over 10^6 paths, is given up: it has
+/// fewer photons then, whose power is right all the same.
+///
+/// Runs on the TBB threads of the caller's arena. INVALID_ARGUMENT: both counts are 0, or
+/// max_bounces is. FAILED_PRECONDITION: the scene has no light, or no photon was stored. Else the
+/// error of `sink`.
+absl::StatusOr<TraceReport> TracePhotons(const Intersector& intersector,
+                                         const PhotonTraceOptions& options, const PhotonSink& sink);
+
+/// Both sets in memory, with powers in W.
+struct TracedPhotons {
+  Photons indirect, caustic;
+  TraceReport report;
+};
 absl::StatusOr<TracedPhotons> TracePhotons(const Intersector& intersector,
                                            const PhotonTraceOptions& options);
 

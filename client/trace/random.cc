@@ -22,13 +22,20 @@ RandomStream::RandomStream(std::uint64_t seed, RandomPurpose purpose, std::uint6
       counter_{0, static_cast<std::uint32_t>(purpose), static_cast<std::uint32_t>(index),
                static_cast<std::uint32_t>(index >> 32)} {}
 
-float RandomStream::Uniform() {
+std::uint32_t RandomStream::Next() {
   if (used_ == 4) {
     block_ = Philox(counter_, key_);
     ++counter_[0];
     used_ = 0;
   }
-  return static_cast<float>(block_[used_++] >> 8) * 0x1p-24f;
+  return block_[used_++];
+}
+
+float RandomStream::Uniform() { return static_cast<float>(Next() >> 8) * 0x1p-24f; }
+
+double RandomStream::FineUniform() {
+  const std::uint64_t high = Next() >> 5, low = Next() >> 6;
+  return static_cast<double>(high << 26 | low) * 0x1p-53;
 }
 
 }  // namespace treelight::client

@@ -12,7 +12,14 @@ std::array<std::uint32_t, 4> Philox(std::array<std::uint32_t, 4> counter,
                                     std::array<std::uint32_t, 2> key);
 
 /// What random numbers are for; different purposes never share a number.
-enum class RandomPurpose : std::uint32_t { kPhotonPath, kCameraSample, kReferencePath };
+enum class RandomPurpose : std::uint32_t {
+  kPhotonPath,
+  kCameraSample,
+  kReferencePath,
+  kCausticPath,
+  kImagePath,
+  kImageChoice,
+};
 
 /// The random numbers of one path. They depend on seed, purpose and index alone, so paths may be
 /// traced in any order and by any number of threads. Not thread-safe; make one per path.
@@ -22,7 +29,12 @@ class RandomStream {
 
   float Uniform();  ///< the next number, uniform in [0, 1), a multiple of 2^-24
 
+  /// The next number, uniform in [0, 1), a multiple of 2^-53: to choose among very many.
+  double FineUniform();
+
  private:
+  std::uint32_t Next();
+
   std::array<std::uint32_t, 2> key_;
   std::array<std::uint32_t, 4> counter_;
   std::array<std::uint32_t, 4> block_{};

@@ -22,6 +22,13 @@ Axes AxesAbout(const Vec3& normal) {
           {b, sign + normal.y * normal.y * a, -normal.y}};
 }
 
+Vec3 Around(const Vec3& axis, float sine, float cosine, float v) {
+  const float angle = 2 * std::numbers::pi_v<float> * v;
+  const auto [tangent, bitangent] = AxesAbout(axis);
+  return Normalize((sine * std::cos(angle)) * tangent + (sine * std::sin(angle)) * bitangent +
+                   cosine * axis);
+}
+
 }  // namespace
 
 Vec3 CosineDirection(const Vec3& normal, float u, float v) {
@@ -47,11 +54,13 @@ Vec3 PhongDirection(const Vec3& axis, float exponent, float u, float v) {
 }
 
 Vec3 DirectionAround(const Vec3& axis, float cosine, float v) {
-  const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
-  const float angle = 2 * std::numbers::pi_v<float> * v;
-  const auto [tangent, bitangent] = AxesAbout(axis);
-  return Normalize((sine * std::cos(angle)) * tangent + (sine * std::sin(angle)) * bitangent +
-                   cosine * axis);
+  return Around(axis, std::sqrt(std::max(0.0f, 1 - cosine * cosine)), cosine, v);
+}
+
+Vec3 ConeDirection(const Vec3& axis, float height, float u, float v) {
+  // 1 - cos, not cos: the sine of a small angle would be lost.
+  const float drop = height * u;
+  return Around(axis, std::sqrt(std::max(0.0f, drop * (2 - drop))), 1 - drop, v);
 }
 
 Vec3 TrianglePoint(const Vec3& a, const Vec3& b, const Vec3& c, float u, float v) {

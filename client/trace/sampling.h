@@ -17,6 +17,11 @@ Vec3 PhongDirection(const Vec3& axis, float exponent, float u, float v);
 /// The unit direction at an angle of `cosine` to the unit vector `axis` and of 2 pi v around it.
 Vec3 DirectionAround(const Vec3& axis, float cosine, float v);
 
+/// Maps (u, v) in [0, 1)^2 to a unit direction, uniform by solid angle within the cone about the
+/// unit vector `axis` whose half angle has the cosine 1 - `height`; `height` is in (0, 2], however
+/// small.
+Vec3 ConeDirection(const Vec3& axis, float height, float u, float v);
+
 /// Maps (u, v) in [0, 1)^2 to a point of the triangle a, b, c, uniform by area (Turk 1990).
 Vec3 TrianglePoint(const Vec3& a, const Vec3& b, const Vec3& c, float u, float v);
 
