@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "client/scenes/shapes.h"
 #include "client/scenes/vector.h"
 
 namespace treelight::client {
@@ -58,14 +59,6 @@ void AddDefaultLight(Scene& scene) {
   AddRectangle(center + (kLightDistance * radius) * direction, -direction, kLightSide * radius,
                kLightSide * radius, static_cast<std::uint32_t>(scene.materials.size() - 1),
                scene.mesh);
-}
-
-void AddRectangle(const Vec3& center, const Vec3& normal, float width, float height,
-                  std::uint32_t material, Mesh& mesh) {
-  const bool flat = std::fabs(normal.y) > 0.9999f;
-  const Vec3 u = flat ? Vec3{1, 0, 0} : Normalize(Cross({0, 1, 0}, normal));
-  const Vec3 a = (width / 2) * u, b = (height / 2) * Cross(normal, u);
-  AddQuad(center - a - b, center + a - b, center + a + b, center - a + b, material, mesh);
 }
 
 }  // namespace treelight::client

@@ -16,11 +16,6 @@ bool HasLight(const Scene& scene);
 /// its middle an irradiance of about 1.6 W / unit^2.
 void AddDefaultLight(Scene& scene);
 
-/// Appends a rectangle about `center`, its front where the unit vector `normal` points: `width`
-/// along x where it lies flat, else along the horizontal.
-void AddRectangle(const Vec3& center, const Vec3& normal, float width, float height,
-                  std::uint32_t material, Mesh& mesh);
-
 }  // namespace treelight::client
 
 #endif  // TREELIGHT_CLIENT_SCENES_DEFAULT_VIEW_H_

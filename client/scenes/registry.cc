@@ -1,6 +1,10 @@
 #include "client/scenes/registry.h"
 
+#include "client/scenes/blob.h"
+#include "client/scenes/caustic.h"
 #include "client/scenes/cornell.h"
+#include "client/scenes/hall.h"
+#include "client/scenes/room.h"
 #include "fmt/format.h"
 #include "fmt/ranges.h"
 
@@ -11,7 +15,11 @@ struct Entry {
   std::string_view name;
   Scene (*make)();
 };
-constexpr Entry kScenes[] = {{"cornell", MakeCornell}};
+constexpr Entry kScenes[] = {{"cornell", MakeCornell},
+                             {"caustic", MakeCaustic},
+                             {"hall", MakeHall},
+                             {"room", MakeRoom},
+                             {"blob", MakeBlob}};
 
 }  // namespace
 

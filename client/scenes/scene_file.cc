@@ -8,13 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include "client/scenes/default_view.h"
 #include "client/scenes/file_bytes.h"
 #include "client/scenes/json_object.h"
 #include "client/scenes/json_text.h"
 #include "client/scenes/material_json.h"
 #include "client/scenes/mesh_file.h"
 #include "client/scenes/registry.h"
+#include "client/scenes/shapes.h"
 #include "client/scenes/vector.h"
 #include "core/model/photons.h"
 #include "fmt/format.h"
