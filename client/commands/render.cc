@@ -11,6 +11,7 @@
 #include "client/commands/command.h"
 #include "client/commands/output.h"
 #include "client/commands/render_report.h"
+#include "client/commands/scene_option.h"
 #include "client/output_file.h"
 #include "client/photon_map_client.h"
 #include "client/progress.h"
@@ -18,7 +19,6 @@
 #include "client/render/map_upload.h"
 #include "client/render/path_tracer.h"
 #include "client/render/photon_renderer.h"
-#include "client/scenes/registry.h"
 #include "client/trace/photon_tracer.h"
 #include "fmt/format.h"
 
@@ -33,12 +33,14 @@ constexpr std::chrono::hours kTimeToLive{24};
 constexpr std::uint32_t kReferenceSamples = 256;
 
 struct Options {
-  std::string scene = "cornell", map_name, compare_path;
+  SceneChoice scene;
+  std::string map_name, compare_path;
   std::vector<std::string> output_paths;
   std::uint64_t photon_count = 1'000'000, caustic_photon_count = 200'000, seed = 1;
   std::optional<std::uint32_t> samples_per_pixel;
   PhotonRenderOptions render;
   ImageFileOptions file;
+  std::optional<float> exposure;
   bool reference = false, keep_maps = false;
 };
 
@@ -124,10 +126,11 @@ absl::StatusOr<TracedPhotons> TraceScene(const Intersector& scene, const Options
 absl::StatusOr<UploadedMaps> BuildMaps(PhotonMapClient& client, const TracedPhotons& photons,
                                        const Options& options) {
   Progress progress("upload", photons.indirect.size() + photons.caustic.size(), "photons");
-  return UploadMaps(client, photons,
-                    {.name = options.map_name.empty() ? options.scene : options.map_name,
-                     .time_to_live = options.keep_maps ? std::chrono::milliseconds(0) : kTimeToLive,
-                     .progress = [&](std::uint64_t sent) { progress.Update(sent); }});
+  return UploadMaps(
+      client, photons,
+      {.name = options.map_name.empty() ? SceneName(options.scene.scene) : options.map_name,
+       .time_to_live = options.keep_maps ? std::chrono::milliseconds(0) : kTimeToLive,
+       .progress = [&](std::uint64_t sent) { progress.Update(sent); }});
 }
 
 /// What the gathers of the picture did in the trees; a warning where the server does not tell.
@@ -185,7 +188,7 @@ absl::Status RenderByPhotons(const Intersector& scene, const Options& options,
   return absl::OkStatus();
 }
 
-absl::Status Run(const Options& options, const GlobalOptions& global) {
+absl::Status Run(Options options, const GlobalOptions& global) {
   // Before any work: can the picture be written, and is there what it is compared with?
   auto outputs = OpenOutputs(options.output_paths);
   if (!outputs.ok()) return outputs.status();
@@ -199,9 +202,10 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
       return size.status();
     }
   }
-  auto scene = MakeScene(options.scene);
-  if (!scene.ok()) return scene.status();
-  const auto intersector = Intersector::Create(*std::move(scene));
+  auto loaded = LoadChosenScene(options.scene);
+  if (!loaded.ok()) return loaded.status();
+  options.file.exposure = options.exposure.value_or(loaded->exposure);
+  const auto intersector = Intersector::Create(std::move(loaded->scene));
   if (!intersector.ok()) return intersector.status();
   const auto finish = [&](const Image& image) {
     return Finish(image, reference, options, *outputs);
@@ -224,9 +228,7 @@ void AddEstimateOptions(CLI::App& command, const std::string& prefix, const std:
 }
 
 void AddPictureOptions(CLI::App& command, Options& options) {
-  command.add_option("--scene", options.scene, "What is rendered")
-      ->capture_default_str()
-      ->check(CLI::IsMember(BuiltInScenes()));
+  AddSceneOptions(command, options.scene);
   command.add_option("--width", options.render.width, "Pixels")
       ->capture_default_str()
       ->check(CLI::Range(1, 1 << 14));
@@ -248,8 +250,7 @@ void AddPictureOptions(CLI::App& command, Options& options) {
       ->check([](const std::string& path) {
         return IsImagePath(path) ? std::string() : path + " ends neither in .png nor in .exr";
       });
-  command.add_option("--exposure", options.file.exposure, "Of the PNG, stops")
-      ->capture_default_str()
+  command.add_option("--exposure", options.exposure, "Of the PNG, stops (default: the scene's)")
       ->check(NumberIn(-100, 100));
   command.add_option("--compare", options.compare_path,
                      "EXR of the same size, to tell the error against");
@@ -291,7 +292,7 @@ void AddRenderCommand(CLI::App& app, GlobalOptions& global) {
       throw CLI::ValidationError("--spp", "a reference needs at least 2, to tell its noise");
     }
     auto& paths = options->output_paths;
-    if (paths.empty()) paths = {options->scene + ".png"};
+    if (paths.empty()) paths = {SceneName(options->scene.scene) + ".png"};
     for (auto path = paths.begin(); path != paths.end(); ++path) {
       if (std::find(paths.begin(), path, *path) != path)
         throw CLI::ValidationError("--output", *path + " is given twice");

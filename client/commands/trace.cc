@@ -6,10 +6,10 @@
 #include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/render_report.h"
+#include "client/commands/scene_option.h"
 #include "client/output_file.h"
 #include "client/photon_ply.h"
 #include "client/progress.h"
-#include "client/scenes/registry.h"
 #include "client/trace/photon_tracer.h"
 #include "fmt/format.h"
 
@@ -17,7 +17,8 @@ namespace treelight::client {
 namespace {
 
 struct Options {
-  std::string scene = "cornell", output_path;
+  SceneChoice scene;
+  std::string output_path;
   PhotonTraceOptions trace;
 };
 
@@ -36,9 +37,9 @@ Photons AllPhotons(TracedPhotons traced) {
 }
 
 absl::StatusOr<TracedPhotons> Trace(const Options& options) {
-  auto scene = MakeScene(options.scene);
-  if (!scene.ok()) return scene.status();
-  const auto intersector = Intersector::Create(*std::move(scene));
+  auto loaded = LoadChosenScene(options.scene);
+  if (!loaded.ok()) return loaded.status();
+  const auto intersector = Intersector::Create(std::move(loaded->scene));
   if (!intersector.ok()) return intersector.status();
   Progress progress("trace", options.trace.indirect_photons, "photons");
   PhotonTraceOptions trace = options.trace;
@@ -67,9 +68,7 @@ void AddTraceCommand(CLI::App& app, GlobalOptions& global) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "trace", "Traces photons through a scene into a PLY file; needs no server");
-  command->add_option("--scene", options->scene, "What is traced")
-      ->capture_default_str()
-      ->check(CLI::IsMember(BuiltInScenes()));
+  AddSceneOptions(*command, options->scene);
   command
       ->add_option("--photons", options->trace.indirect_photons,
                    "Photons stored, indirect and caustic together; a few more may come")

@@ -30,7 +30,7 @@ Scene MakeCaustic() {
       {.name = "floor", .reflectance = {0.62f, 0.6f, 0.57f}},
       {.name = "metal", .surface = Surface::kMirror, .reflectance = {0.95f, 0.79f, 0.48f}},
       {.name = "glass", .surface = Surface::kDielectric, .reflectance = {}, .ior = 1.5f},
-      {.name = "lamp", .reflectance = {}, .emission = {420, 395, 355}},
+      {.name = "lamp", .reflectance = {}, .emission = {270, 255, 230}},
       {.name = "sky", .reflectance = {}, .emission = {0.25f, 0.3f, 0.4f}},
   };
   Mesh& mesh = scene.mesh;
