@@ -6,7 +6,6 @@
 #include "client/scenes/cornell.h"
 #include "client/scenes/registry.h"
 #include "client/scenes/vector.h"
-#include "client/trace/lights.h"
 #include "client/trace/sampling.h"
 #include "client/trace/scatter.h"
 #include "gtest/gtest.h"
@@ -239,21 +238,6 @@ TEST(Intersector, RefusesAnInvalidScene) {
   scene.point_lights[0].falloff_begin_degrees = 30;
   scene.point_lights[0].direction = {0, -2, 0};
   EXPECT_EQ(message(scene), "point light 0: the length of its direction is 2, not 1");
-}
-
-TEST(Lights, PowerAndDensityAreThoseOfTheTriangles) {
-  const Lights lights(MakeCornell());
-  constexpr float kPi = 3.14159265f;
-  EXPECT_NEAR(lights.power().r, kPi * 0.25f * 18, 1e-4);
-  EXPECT_NEAR(lights.power().b, kPi * 0.25f * 11, 1e-4);
-  for (const float u : {0.0f, 0.3f, 0.5f, 0.99999994f}) {
-    const LightPoint point = lights.Sample(u, 0.25f);
-    EXPECT_FLOAT_EQ(point.density, 4);  // 1 / area
-    EXPECT_EQ(point.normal, (Vec3{0, -1, 0}));
-    EXPECT_NEAR(point.position.y, 2, 1e-4);
-    EXPECT_LT(point.position.y, 2);
-    EXPECT_LE(std::max(std::abs(point.position.x), std::abs(point.position.z)), 0.2501f);
-  }
 }
 
 TEST(Registry, MakesEverySceneItNames) {

@@ -15,8 +15,8 @@ struct LightPoint {
   float probability = 0;  ///< with which its light was drawn
   float density = 0;      ///< with which the point was drawn, 1 / unit^2; 0: a point light
   const PointLight* point = nullptr;  ///< of the scene; null: a triangle
-  Vec3 normal;                        ///< a triangle's: unit, of the front
-  Rgb emission;                       ///< a triangle's: radiance, W / unit^2 / sr
+  Vec3 normal = {};                   ///< a triangle's: unit, of the front
+  Rgb emission = {};                  ///< a triangle's: radiance, W / unit^2 / sr
 };
 
 /// Density with which SampleDirection draws the unit direction `direction` from a point of a light,
