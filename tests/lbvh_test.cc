@@ -1,5 +1,8 @@
 #include "core/cpu/lbvh.h"
 
+#include <cmath>
+#include <random>
+
 #include "gtest/gtest.h"
 #include "tests/test_device.h"
 #include "tests/tree_kinds.h"
@@ -25,6 +28,25 @@ TEST(LbvhTest, TheTreeIsTheDevicesBitByBit) {
         }
       }
     }
+  }
+}
+
+// Scales too far apart for codes, so that medians split; and coordinates that are often equal.
+TEST(LbvhTest, MediansOfEqualCoordinatesAreTheDevices) {
+  Photons photons;
+  std::mt19937 random(7);
+  for (int i = 0; i < 20011; ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      photons.positions.push_back(std::ldexp(static_cast<float>(1 + random() % 3), 40 - i % 160));
+    }
+  }
+  for (const std::uint32_t max_leaf_size : {1u, 5u}) {
+    const auto map = TestBuilder().Build(photons, {.max_leaf_size = max_leaf_size});
+    const Tree tree =
+        Arrange(BuildLbvh(photons.positions, MortonBits::k30, MortonLayout::kCubic, max_leaf_size),
+                TreeKind::kKdTree, max_leaf_size);
+    EXPECT_TRUE(ValidateTree(tree, photons).ok());
+    EXPECT_TRUE(SameTree(tree, *(*map)->ReadTree()));
   }
 }
 

@@ -135,25 +135,20 @@ TEST(SweepTest, AgreesWithThePlainSweepOnFreshClouds) {
   }
 }
 
-// A chain: each photon far outside the box of all before. The least surface is always to cut off
-// one photon; by the bound the rest is halved.
-TEST(SweepTest, TheDepthIsBounded) {
+// Where the depth runs out, halves; else one far photon is cut off.
+TEST(SweepTest, HalvesWhereTheDepthRunsOut) {
   Photons photons;
-  float x = 1;
-  for (int i = 0; i < 56; ++i, x *= 4) {
-    for (int copy = 0; copy < 50; ++copy) {
-      photons.positions.insert(photons.positions.end(),
-                               {x * (1 + 1e-3f * static_cast<float>(copy)), x, x});
-    }
+  for (const float x : {0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 1000.0f}) {
+    photons.positions.insert(photons.positions.end(), {x, x, x});
   }
-  for (const std::uint32_t max_leaf_size : {1u, 4u}) {
-    for (const LeafTerm leaf_term : {LeafTerm::kNone, LeafTerm::kLeafSize}) {
-      photons.positions[0] = 0;
-      const Tree tree = BuildSweep(photons, Measure(Heuristic::kSah, BoxOf(photons), 0),
-                                   max_leaf_size, leaf_term);
-      EXPECT_TRUE(ValidateTree(tree, photons).ok());
-      EXPECT_LE(tree.root.depth, static_cast<std::uint32_t>(kMaxDepth));
-    }
+  const std::vector<std::uint32_t> ids = {0, 1, 2, 3, 4, 5, 6, 7};
+  for (const auto& [depth, left_count] :
+       {std::pair(0u, 7u), std::pair(kMaxDepth - 4u, 7u), std::pair(kMaxDepth - 3u, 4u)}) {
+    SweepSplitter splitter(photons.positions, Measure(Heuristic::kSah, BoxOf(photons), 0),
+                           /*max_leaf_size=*/1, LeafTerm::kNone);
+    const PhotonRange range{0, 8, depth};
+    splitter.Begin(range, ids);
+    EXPECT_EQ(splitter.Split(range).first.count(), left_count) << depth;
   }
 }
 

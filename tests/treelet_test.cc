@@ -212,32 +212,64 @@ TEST(TreeletTest, WhatNoPlaneSeparatesStaysOrBecomesALeaf) {
                                   {{0, 0.4f, 0}, {0.3f, 1, 1}},
                                   {{0.4f, 0.4f, 0}, {0.6f, 0.6f, 1}}};
   LooseTree tree;
+  constexpr std::uint32_t kPhotonsOfBox = 12;
   for (const Box& box : boxes) {
-    for (const Vec3& p : {box.min, box.max}) {
+    for (std::uint32_t i = 0; i < kPhotonsOfBox; ++i) {
+      const Vec3 p = i % 2 == 0 ? box.min : box.max;
       const auto id = static_cast<std::uint32_t>(tree.photons.size());
       photons.positions.insert(photons.positions.end(), {p.x, p.y, p.z});
       tree.photons.push_back({p.x, p.y, p.z, id});
     }
   }
   tree.nodes.resize(4);
-  tree.root = MakeLeaf(tree.photons, 8, 10);
+  tree.root = MakeLeaf(tree.photons, 4 * kPhotonsOfBox, 5 * kPhotonsOfBox);
   for (std::uint32_t i = 4; i-- > 0;) {
-    const Subtree leaf = MakeLeaf(tree.photons, 2 * i, 2 * i + 2);
+    const Subtree leaf = MakeLeaf(tree.photons, i * kPhotonsOfBox, (i + 1) * kPhotonsOfBox);
     tree.nodes[i] = {leaf, tree.root};
     tree.root = Join(i, leaf, tree.root);
   }
   TreeletCost cost = MakeCost(photons, Heuristic::kIsa, LeafTerm::kNone);
   LooseTree stays = tree;
   RestructureTreelets(stays, cost, {.treelet_size = 7, .rounds = 2});
-  EXPECT_TRUE(SameTree(Arrange(stays, TreeKind::kBvh, 2), Arrange(tree, TreeKind::kBvh, 2)));
+  EXPECT_TRUE(SameTree(Arrange(stays, TreeKind::kBvh, 12), Arrange(tree, TreeKind::kBvh, 12)));
 
+  // As a BVH the five boxes are cheaper than as one leaf.
   cost.leaf_term = LeafTerm::kLeafSize;
-  cost.max_leaf_size = 10;
-  LooseTree merges = tree;
-  RestructureTreelets(merges, cost, {.treelet_size = 7, .rounds = 2});
-  const Tree leaf = Arrange(merges, TreeKind::kKdTree, 10);
-  EXPECT_EQ(leaf.nodes.size(), 0u);
-  EXPECT_TRUE(ValidateTree(leaf, photons).ok());
+  cost.max_leaf_size = 5 * kPhotonsOfBox;
+  for (const auto& [method, kind, node_count] :
+       {std::tuple(TreeletMethod::kKdTree, TreeKind::kKdTree, 0u),
+        std::tuple(TreeletMethod::kBvh, TreeKind::kBvh, 4u)}) {
+    LooseTree merges = tree;
+    RestructureTreelets(merges, cost, {.method = method, .treelet_size = 7, .rounds = 2});
+    const Tree arranged = Arrange(merges, kind, cost.max_leaf_size);
+    EXPECT_EQ(arranged.nodes.size(), node_count);
+    EXPECT_TRUE(ValidateTree(arranged, photons).ok());
+  }
+}
+
+// Photons at 0, 5, 6, 20 and 25 of a line, as ((6 (20 25)) (0 5)). A treelet of four leaves opens
+// the child with 6; then (0 5) and (20 25) are as long as each other, and (0 5) comes first in the
+// list. So 5 meets 6; had (20 25) been opened, (0 5) would have stayed together.
+TEST(TreeletTest, GrowsByTheFirstOfEqualMeasures) {
+  Photons photons;
+  LooseTree tree;
+  for (const float x : {0.0f, 5.0f, 6.0f, 20.0f, 25.0f}) {
+    tree.photons.push_back({x, 0, 0, static_cast<std::uint32_t>(photons.size())});
+    photons.positions.insert(photons.positions.end(), {x, 0, 0});
+  }
+  const auto leaf = [&](std::uint32_t i) { return MakeLeaf(tree.photons, i, i + 1); };
+  const Subtree low = Join(0, leaf(0), leaf(1)), high = Join(1, leaf(3), leaf(4));
+  const Subtree six = Join(2, leaf(2), high);
+  tree.nodes = {{leaf(0), leaf(1)}, {leaf(3), leaf(4)}, {leaf(2), high}, {six, low}};
+  tree.root = Join(3, six, low);
+  RestructureTreelets(tree, MakeCost(photons, Heuristic::kIsa, LeafTerm::kNone),
+                      {.treelet_size = 4, .rounds = 1});
+  const Tree arranged = Arrange(tree, TreeKind::kKdTree, 1);
+  EXPECT_TRUE(ValidateTree(arranged, photons).ok());
+  EXPECT_EQ(arranged.root.link, 2u);                // (0 5 6) (20 25)
+  EXPECT_EQ(arranged.nodes[0].right, 1u);           // 0 (5 6)
+  EXPECT_EQ(arranged.nodes[1].left, kLeafBit | 1);  // 5 6
+  EXPECT_EQ(arranged.nodes[1].right, kLeafBit | 2);
 }
 
 TEST(LooseTreeTest, ArrangingALoosenedTreeGivesItBack) {

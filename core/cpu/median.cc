@@ -51,9 +51,9 @@ int WidestAxis(const Box& box) {
 }
 
 std::pair<PhotonRange, PhotonRange> MedianSplitter::Split(const Range& range) {
-  const bool whole_leaves = leaf_term_ == LeafTerm::kLeafSize || MustHalve(range, max_leaf_size_);
-  const std::uint32_t left_count =
-      whole_leaves ? WholeLeavesMedian(range.count(), max_leaf_size_) : (range.count() + 1) / 2;
+  const std::uint32_t left_count = leaf_term_ == LeafTerm::kLeafSize
+                                       ? WholeLeavesMedian(range.count(), max_leaf_size_)
+                                       : (range.count() + 1) / 2;
   order_.SelectSmallest(range, WidestAxis(order_.BoxOf(range)), left_count);
   const std::uint32_t middle = range.first + left_count;
   return {{range.first, middle, range.depth + 1}, {middle, range.last, range.depth + 1}};
