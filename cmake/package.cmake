@@ -43,7 +43,7 @@ set(CPACK_DEBIAN_TREELIGHT_PACKAGE_NAME treelight)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SHLIBDEPS ON)
 # Any driver of a device will do; without one PoCL runs the kernels on the CPU.
-set(CPACK_DEBIAN_TREELIGHT_PACKAGE_DEPENDS "init-system-helpers (>= 1.52), pocl-opencl-icd | opencl-icd")
+set(CPACK_DEBIAN_TREELIGHT_PACKAGE_DEPENDS "init-system-helpers (>= 1.52), passwd, pocl-opencl-icd | opencl-icd")
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_CONTROL_EXTRA
   "${debian}/conffiles;${debian}/postinst;${debian}/prerm;${debian}/postrm")
 set(CPACK_COMPONENT_TREELIGHT_DESCRIPTION "photon map service with k-d trees on OpenCL devices
