@@ -39,7 +39,8 @@ done
   fail '/etc/default/treelightd is no conffile'
 # What its comments name is an option that the server has.
 sed -n 's/^#\(TREELIGHT_[A-Z_]*\)=.*/\1/p' "$root/etc/default/treelightd" | while read -r variable; do
-  "$root/usr/bin/treelightd" --help | grep "Env:$variable)" >/dev/null || fail "/etc/default/treelightd: no option reads $variable"
+  "$root/usr/bin/treelightd" --help | grep "Env:$variable)" >/dev/null ||
+    fail "/etc/default/treelightd: no option reads $variable"
 done
 
 unit=$root/lib/systemd/system/treelightd.service

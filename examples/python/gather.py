@@ -24,6 +24,8 @@ except ModuleNotFoundError as error:
 # Arrays travel as little-endian bytes, whatever this machine is.
 F32, U32, U64 = np.dtype("<f4"), np.dtype("<u4"), np.dtype("<u8")
 
+OUTPUTS = pb.OUTPUT_COUNT | pb.OUTPUT_RADIUS | pb.OUTPUT_NEIGHBORS | pb.OUTPUT_DENSITY
+
 
 @dataclass
 class Search:
@@ -73,7 +75,7 @@ def upload(stub, limits, name, positions, powers):
 
 
 def gather(stub, photon_map, queries, search, queries_per_batch=256):
-    """Gathers around `queries` [m, 3] float32. Returns a list of Found, and microseconds of kernels.
+    """Gathers around `queries` [m, 3] float32. Returns [m] Found, and microseconds of kernels.
 
     The answer to a batch comes in one or more parts, so it may be larger than a message.
     """
@@ -87,7 +89,7 @@ def gather(stub, photon_map, queries, search, queries_per_batch=256):
                 positions=queries[batch].tobytes(),
                 radii=search.radii[batch].tobytes(),
                 k=search.k,
-                outputs=pb.OUTPUT_COUNT | pb.OUTPUT_RADIUS | pb.OUTPUT_NEIGHBORS | pb.OUTPUT_DENSITY,
+                outputs=OUTPUTS,
                 kernel=pb.DENSITY_KERNEL_EPANECHNIKOV,
             )
 
