@@ -56,11 +56,7 @@ class MemoryFiles : public Assimp::IOSystem {
 };
 
 absl::Status AssimpError(const std::string& path, std::string_view error) {
-  std::string line(error.substr(0, 200));
-  for (char& c : line) {
-    if (c < ' ' || c > '~') c = '?';
-  }
-  return absl::InvalidArgumentError(fmt::format("{}: {}", path, line));
+  return absl::InvalidArgumentError(fmt::format("{}: {}", path, error.substr(0, 200)));
 }
 
 /// Appends one of Assimp's meshes; what is no triangle is passed over.

@@ -204,6 +204,7 @@ Scene MakeHall() {
   AddAisle(1, mesh);
   AddVault(mesh);
   AddEnds(mesh);
+  RemoveDegenerateTriangles(mesh);  // where arcs begin and end
   AddSmoothNormals(/*crease_degrees=*/25, mesh);
   scene.camera = {
       .position = {-1.2f, 1.8f, 13.6f}, .target = {0.2f, 4.4f, -4}, .vertical_fov_degrees = 62};

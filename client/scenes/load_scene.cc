@@ -43,8 +43,10 @@ absl::StatusOr<LoadedScene> LoadScene(const std::string& name_or_path) {
   if (name_or_path.ends_with(".json")) return ReadSceneFile(name_or_path);
   if (IsMeshPath(name_or_path)) return LoadBareMesh(name_or_path);
   return absl::NotFoundError(
-      fmt::format("{}, nor is that a file ending in .json, .obj, .ply, .gltf or .glb",
-                  std::string(scene.status().message())));
+      fmt::format("there is no scene \"{}\": neither one that is built in ({}) nor a file ending "
+                  "in .json, .obj, "
+                  ".ply, .gltf or .glb",
+                  name_or_path, fmt::join(BuiltInScenes(), ", ")));
 }
 
 std::string SceneName(std::string_view name_or_path) {

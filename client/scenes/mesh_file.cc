@@ -56,6 +56,15 @@ absl::StatusOr<MeshFile> ReadRaw(std::string bytes, const std::string& path) {
       path));
 }
 
+/// `status` with its message on one printable line: it may quote what the file has. The path stays.
+absl::Status OneLine(const absl::Status& status, const std::string& path) {
+  std::string message(status.message());
+  for (std::size_t i = message.starts_with(path) ? path.size() : 0; i < message.size(); ++i) {
+    if (message[i] < ' ' || message[i] > '~') message[i] = '?';
+  }
+  return absl::Status(status.code(), message);
+}
+
 /// Leaves out the triangles of materials of these names.
 absl::Status DropMaterials(const std::vector<std::string>& names, const std::string& path,
                            MeshFile& file) {
@@ -110,7 +119,7 @@ bool IsMeshPath(std::string_view path) { return FormatOf(path) != Format::kNone;
 absl::StatusOr<MeshFile> ParseMesh(std::string bytes, const std::string& path,
                                    const MeshFileOptions& options) {
   auto file = ReadRaw(std::move(bytes), path);
-  if (!file.ok()) return file;
+  if (!file.ok()) return OneLine(file.status(), path);
   if (auto status = DropMaterials(options.dropped_materials, path, *file); !status.ok())
     return status;
   Mesh& mesh = file->mesh;

@@ -119,7 +119,8 @@ void AddTable(Mesh& mesh) {
   table.Box({0, 0.73f, 0}, {5, 0.04f, 1.5f}, kDarkWood);
   table.Box({0, 0.68f, 0}, {4.6f, 0.06f, 1.1f}, kBlack);
   for (const float x : {-1.9f, 0.0f, 1.9f}) {
-    static constexpr std::array<ProfilePoint, 8> kLeg = {{{0.4f, 0.001f},
+    static constexpr std::array<ProfilePoint, 9> kLeg = {{{0, 0.001f},
+                                                          {0.4f, 0.001f},
                                                           {0.4f, 0.03f},
                                                           {0.12f, 0.06f},
                                                           {0.07f, 0.12f},

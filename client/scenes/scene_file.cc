@@ -127,7 +127,7 @@ absl::Status ReadMesh(JsonObject& json, const std::string& scene_path, LoadedSce
     const auto found =
         std::find_if(all.begin(), all.end(), [&](const Material& m) { return m.name == material; });
     if (found == all.end()) {
-      json.Fail("material", fmt::format("\"materials\" has no \"{}\"", material));
+      json.Fail("material", fmt::format("\"new_materials\" has no \"{}\"", material));
     } else {
       std::fill(file->materials.begin(), file->materials.end(), *found);
     }

@@ -1,0 +1,589 @@
+// Reading meshes: what files mean, and that broken ones end in one line that says where.
+#include "client/scenes/mesh_file.h"
+
+#include <lzma.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+
+#include "absl/strings/escaping.h"
+#include "client/scenes/file_bytes.h"
+#include "client/scenes/vector.h"
+#include "fmt/format.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+#include "tests/shared_scenes.h"
+
+namespace treelight::client {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+/// A folder of its own for each test.
+class MeshFileTest : public ::testing::Test {
+ protected:
+  MeshFileTest() : folder_(::testing::TempDir() + fmt::format("mesh_file_test.{}", getpid())) {
+    std::filesystem::create_directories(folder_);
+  }
+  ~MeshFileTest() override { std::filesystem::remove_all(folder_); }
+
+  std::string Write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(folder_ + "/" + name, std::ios::binary) << bytes;
+    return folder_ + "/" + name;
+  }
+  absl::StatusOr<MeshFile> Read(const std::string& name, const std::string& bytes,
+                                const MeshFileOptions& options = {}) const {
+    return ReadMeshFile(Write(name, bytes), options);
+  }
+  /// The message of a file that must be refused, without the folder.
+  std::string Error(const std::string& name, const std::string& bytes) const {
+    const auto file = Read(name, bytes);
+    EXPECT_EQ(file.status().code(), absl::StatusCode::kInvalidArgument) << file.status();
+    const std::string message(file.status().message());
+    EXPECT_THAT(message, StartsWith(folder_ + "/"));
+    return message.substr(std::min(folder_.size() + 1, message.size()));
+  }
+  /// The material of an OBJ with one triangle, of MTL text `fields`.
+  Material OneMaterial(const std::string& fields) const {
+    Write("m.mtl", "newmtl m\n" + fields);
+    const auto file = Read("m.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
+    EXPECT_TRUE(file.ok()) << file.status();
+    if (!file.ok() || file->materials.size() != 1) return {};
+    EXPECT_THAT(file->notes, IsEmpty());
+    return file->materials[0];
+  }
+
+  const std::string folder_;
+};
+
+std::string Pack(const std::string& bytes) {
+  std::string packed(lzma_stream_buffer_bound(bytes.size()), '\0');
+  std::size_t size = 0;
+  const lzma_ret code = lzma_easy_buffer_encode(
+      6, LZMA_CHECK_CRC64, nullptr, reinterpret_cast<const std::uint8_t*>(bytes.data()),
+      bytes.size(), reinterpret_cast<std::uint8_t*>(packed.data()), &size, packed.size());
+  EXPECT_EQ(code, LZMA_OK);
+  packed.resize(size);
+  return packed;
+}
+
+constexpr char kTriangle[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+double Area(const Mesh& mesh) {
+  double area = 0;
+  for (const auto& c : mesh.corners) {
+    const Vec3& a = mesh.vertices[c[0]];
+    area += Length(Cross(mesh.vertices[c[1]] - a, mesh.vertices[c[2]] - a)) / 2;
+  }
+  return area;
+}
+
+std::string BinaryPly() {
+  std::string ply =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float "
+      "y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n";
+  const std::array<float, 12> positions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+  ply.append(reinterpret_cast<const char*>(positions.data()), sizeof(positions));
+  for (const std::array<std::int32_t, 3>& face :
+       {std::array<std::int32_t, 3>{0, 1, 2}, {0, 2, 3}}) {
+    ply.push_back(3);
+    ply.append(reinterpret_cast<const char*>(face.data()), sizeof(face));
+  }
+  return ply;
+}
+
+/// A unit square of two triangles: its positions, then its indices.
+std::string SquareBuffer() {
+  std::string buffer;
+  const std::array<float, 12> positions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+  const std::array<std::uint16_t, 6> indices = {0, 1, 2, 0, 2, 3};
+  buffer.append(reinterpret_cast<const char*>(positions.data()), sizeof(positions));
+  buffer.append(reinterpret_cast<const char*>(indices.data()), sizeof(indices));
+  return buffer;
+}
+
+/// The square, twice as large by its node, made of copper; `uri` is that of its buffer.
+std::string GltfWith(const std::string& uri) {
+  return R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+  "nodes": [{"mesh": 0, "scale": [2, 2, 2], "translation": [0, 0, 5]}],
+  "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+  "materials": [{"name": "copper", "emissiveFactor": [0, 0, 0.5], "pbrMetallicRoughness":
+    {"baseColorFactor": [0.9, 0.5, 0.3, 1], "metallicFactor": 1, "roughnessFactor": 0.5}}],
+  "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 48},
+                  {"buffer": 0, "byteOffset": 48, "byteLength": 12}],
+  "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3",
+                 "min": [0, 0, 0], "max": [1, 1, 0]},
+                {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}],
+  "buffers": [{"byteLength": 60)" +
+         uri + "}]}";
+}
+
+std::string Gltf() {
+  return GltfWith(fmt::format(R"(, "uri": "data:application/octet-stream;base64,{}")",
+                              absl::Base64Escape(SquareBuffer())));
+}
+
+std::string Glb() {
+  std::string json = GltfWith("");
+  json.append((4 - json.size() % 4) % 4, ' ');
+  const auto word = [](std::size_t value) {
+    const auto w = static_cast<std::uint32_t>(value);
+    return std::string(reinterpret_cast<const char*>(&w), 4);
+  };
+  const std::string buffer = SquareBuffer();
+  const std::string chunks =
+      word(json.size()) + "JSON" + json + word(buffer.size()) + std::string("BIN\0", 4) + buffer;
+  return "glTF" + word(2) + word(12 + chunks.size()) + chunks;
+}
+
+TEST_F(MeshFileTest, ObjHasPolygonsAndNegativeIndices) {
+  const auto good = Read("a.obj",
+                         "# a square and a house\n"
+                         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+                         "f -4 -3 -2 -1\n"
+                         "v 0.5 2 0\n"
+                         "  f 1 2 \\\n   3 -1 4\n");
+  ASSERT_TRUE(good.ok()) << good.status();
+  EXPECT_THAT(good->mesh.corners, SizeIs(2 + 3));
+  EXPECT_THAT(good->mesh.vertices, SizeIs(5));
+  EXPECT_NEAR(Area(good->mesh), 1 + 1.5, 1e-6);
+  EXPECT_EQ(good->degenerate_count, 0u);
+}
+
+TEST_F(MeshFileTest, FacesMayStandBeforeTheirVertices) {
+  const auto file = Read("a.obj", "f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n");
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_THAT(file->mesh.corners, SizeIs(1));
+}
+
+TEST_F(MeshFileTest, BrokenObjSaysWhere) {
+  EXPECT_THAT(Error("a.obj", "v 0 0 0\nv 1 x 0\n"), StartsWith("a.obj:2: 'x' is no number"));
+  EXPECT_THAT(Error("a.obj", "v 0 0\n"), StartsWith("a.obj:1: 2 numbers"));
+  EXPECT_THAT(Error("a.obj", "v 0 0 nan\n"), StartsWith("a.obj:1: 'nan' is not within"));
+  EXPECT_THAT(Error("a.obj", "v 0 0 2e18\n"), StartsWith("a.obj:1: '2e18' is not within"));
+  EXPECT_THAT(Error("a.obj", std::string(kTriangle) + "f 1 2 9\n"),
+              StartsWith("a.obj:5: vertex 9: the file has 3"));
+  EXPECT_THAT(Error("a.obj", std::string(kTriangle) + "f 1 2 -4\n"),
+              StartsWith("a.obj:5: vertex -4: there are 3 so far"));
+  EXPECT_THAT(Error("a.obj", std::string(kTriangle) + "f 1 2 0\n"),
+              StartsWith("a.obj:5: vertex 0"));
+  EXPECT_THAT(Error("a.obj", std::string(kTriangle) + "f 1 2\n"), HasSubstr("a face of 2 corners"));
+  EXPECT_THAT(Error("a.obj", std::string(kTriangle) + "f 1//1 2//1 3//1\n"),
+              StartsWith("a.obj:5: normal 1: the file has 0"));
+  EXPECT_THAT(Error("a.obj", "v 0 0 0\n\x01\x02\x03\n"),
+              StartsWith("a.obj:2: '\?\?\?' is no statement"));
+  EXPECT_THAT(Error("a.obj", "v 0 0 0\n"), HasSubstr("no faces"));
+  EXPECT_THAT(Error("a.obj", ""), HasSubstr("no faces"));
+}
+
+TEST_F(MeshFileTest, MissingMaterialsAreToldInOneLineAndAreGrey) {
+  const std::string obj = "mtllib gone.mtl\n" + std::string(kTriangle);
+  const auto file = Read("a.obj", obj);
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_THAT(file->notes,
+              ElementsAre(HasSubstr("a.obj:1: there is no material file \"gone.mtl\"")));
+  EXPECT_EQ(file->materials[0].reflectance, (Rgb{0.6f, 0.6f, 0.6f}));
+
+  Write("b.mtl", "newmtl known\nKd 1 0 0\n");
+  const auto other =
+      Read("b.obj", "mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl unknown\nf 1 2 3\n");
+  ASSERT_TRUE(other.ok()) << other.status();
+  EXPECT_THAT(other->notes, ElementsAre(HasSubstr("b.obj:5: material \"unknown\" is in no")));
+}
+
+TEST_F(MeshFileTest, BrokenMaterialFileSaysWhere) {
+  Write("a.mtl", "newmtl m\nKd 1 0\n");
+  EXPECT_THAT(Error("a.obj", "mtllib a.mtl\n" + std::string(kTriangle)),
+              StartsWith("a.mtl:2: Kd: 2 numbers"));
+  Write("a.mtl", "newmtl m\nNi -1\n");
+  EXPECT_THAT(Error("a.obj", "mtllib a.mtl\n" + std::string(kTriangle)),
+              StartsWith("a.mtl:2: Ni: '-1' is not within"));
+}
+
+TEST_F(MeshFileTest, IllumChoosesTheSurface) {
+  const Material diffuse = OneMaterial("Kd 0.5 0.4 0.3\nKs 0.3 0.3 0.3\nillum 1\n");
+  EXPECT_EQ(diffuse.surface, Surface::kDiffuse);
+  EXPECT_EQ(diffuse.reflectance, (Rgb{0.5f, 0.4f, 0.3f}));
+
+  const Material glossy = OneMaterial("Kd 0.5 0.4 0.3\nKs 0.3 0.2 0.1\nNs 40\nillum 2\n");
+  EXPECT_EQ(glossy.surface, Surface::kGlossy);
+  EXPECT_EQ(glossy.reflectance, (Rgb{0.5f, 0.4f, 0.3f}));
+  EXPECT_EQ(glossy.specular, (Rgb{0.3f, 0.2f, 0.1f}));
+  EXPECT_EQ(glossy.exponent, 40);
+
+  EXPECT_EQ(OneMaterial("Kd 0.5 0.4 0.3\nKs 0.009 0 0\nNs 40\nillum 2\n").surface,
+            Surface::kDiffuse);
+
+  for (const char* illum : {"3", "5"}) {
+    const Material mirror = OneMaterial(fmt::format("Kd 0 0 0\nKs 0.9 0.8 0.7\nillum {}\n", illum));
+    EXPECT_EQ(mirror.surface, Surface::kMirror);
+    EXPECT_EQ(mirror.reflectance, (Rgb{0.9f, 0.8f, 0.7f}));
+  }
+  EXPECT_EQ(OneMaterial("Kd 0.3 0.3 0.3\nKs 0 0 0\nillum 3\n").reflectance,
+            (Rgb{0.3f, 0.3f, 0.3f}));
+}
+
+TEST_F(MeshFileTest, TransmissiveMaterialsAreSolidsOrPanes) {
+  const Material solid = OneMaterial("Kd 0 0 0\nTf 0.25 1 0.81\nNi 1.5\nillum 7\n");
+  EXPECT_EQ(solid.surface, Surface::kDielectric);
+  EXPECT_EQ(solid.ior, 1.5f);
+  // Tf is what passes the object: each of its two surfaces lets the root of it pass.
+  EXPECT_FLOAT_EQ(solid.transmittance.r, 0.5f);
+  EXPECT_FLOAT_EQ(solid.transmittance.b, 0.9f);
+  EXPECT_EQ(OneMaterial("Ni 1.33\nillum 6\n").surface, Surface::kDielectric);
+  for (const char* fields : {"Tf 0.5 0.4 0.3\nNi 1\nillum 6\n", "Tf 0.5 0.4 0.3\nNi 1.5\nillum 4\n",
+                             "Tf 0.5 0.4 0.3\nillum 7\n"}) {
+    const Material pane = OneMaterial(fields);
+    EXPECT_EQ(pane.surface, Surface::kPane) << fields;
+    EXPECT_EQ(pane.transmittance, (Rgb{0.5f, 0.4f, 0.3f})) << fields;
+  }
+}
+
+TEST_F(MeshFileTest, NoMaterialGivesEnergyAndEmissionIsRadiance) {
+  const Material bright =
+      OneMaterial("Kd 0.8 0.4 0.2\nKs 0.8 0.8 0.8\nNs 10\nillum 2\nKe 17 12 4\n");
+  EXPECT_LE(MaxChannel(bright.reflectance + bright.specular), 1);
+  EXPECT_NEAR(MaxChannel(bright.reflectance + bright.specular), 1, 1e-5);
+  EXPECT_NEAR(bright.reflectance.r / bright.reflectance.b, 4, 1e-5);
+  EXPECT_EQ(bright.emission, (Rgb{17, 12, 4}));
+}
+
+TEST_F(MeshFileTest, XzIsReadWithItsMaterialsPackedOrNot) {
+  const std::string obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+  Write("a.mtl", "newmtl m\nKd 0.1 0.2 0.3\n");
+  auto file = Read("a.obj.xz", Pack(obj));
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(file->materials[0].reflectance, (Rgb{0.1f, 0.2f, 0.3f}));
+  std::filesystem::remove(folder_ + "/a.mtl");
+  Write("a.mtl.xz", Pack("newmtl m\nKd 0.4 0.5 0.6\n"));
+  file = Read("a.obj.xz", Pack(obj));
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(file->materials[0].reflectance, (Rgb{0.4f, 0.5f, 0.6f}));
+}
+
+TEST_F(MeshFileTest, BrokenXzIsNamed) {
+  const std::string packed = Pack(kTriangle);
+  EXPECT_THAT(Error("a.obj.xz", packed.substr(0, packed.size() - 9)), HasSubstr("ends early"));
+  EXPECT_THAT(Error("a.obj.xz", ""), HasSubstr("ends early"));
+  EXPECT_THAT(Error("a.obj.xz", kTriangle), HasSubstr("no xz file"));
+  std::string damaged = packed;
+  damaged[packed.size() / 2] ^= 0x55;
+  EXPECT_THAT(Error("a.obj.xz", damaged), HasSubstr("damaged"));
+}
+
+TEST_F(MeshFileTest, UnpackingStopsAtTheLimit) {
+  const std::string path = Write("zeros.xz", Pack(std::string(1 << 20, '\0')));
+  EXPECT_EQ(ReadFileBytes(path, 1 << 20)->size(), 1u << 20);
+  const auto bytes = ReadFileBytes(path, (1 << 20) - 1);
+  EXPECT_EQ(bytes.status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_THAT(std::string(bytes.status().message()), HasSubstr("more than 1048575 bytes"));
+}
+
+TEST_F(MeshFileTest, PlyIsReadInAsciiAndBinary) {
+  const auto ascii =
+      Read("a.ply",
+           "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty "
+           "float y\nproperty float z\nproperty uchar red\nelement face 2\nproperty "
+           "list uchar int vertex_index\nend_header\n0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0 "
+           "9\n0.5 2 0 9\n4 0 1 2 3\n3 3 2 4\n");
+  ASSERT_TRUE(ascii.ok()) << ascii.status();
+  EXPECT_THAT(ascii->mesh.corners, SizeIs(3));
+  EXPECT_NEAR(Area(ascii->mesh), 1.5, 1e-6);
+  const auto binary = Read("b.ply", BinaryPly());
+  ASSERT_TRUE(binary.ok()) << binary.status();
+  EXPECT_THAT(binary->mesh.corners, SizeIs(2));
+  EXPECT_NEAR(Area(binary->mesh), 1, 1e-6);
+  EXPECT_EQ(binary->materials[0].name, "default");
+}
+
+TEST_F(MeshFileTest, BrokenPlySaysWhere) {
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
+      "z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  EXPECT_THAT(Error("a.ply", header + "0 0 0\n1 0 0\n"), HasSubstr("ends early, in vertex 2 of 3"));
+  EXPECT_THAT(Error("a.ply", header + "0 0 0\n1 0\n0 1 0\n3 0 1 2\n"),
+              StartsWith("a.ply:11: vertex 1 of 3: expected one more number"));
+  EXPECT_THAT(Error("a.ply", header + "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"),
+              StartsWith("a.ply:13: face 0: vertex 7: there are 3"));
+  EXPECT_THAT(Error("a.ply", header + "0 0 inf\n1 0 0\n0 1 0\n3 0 1 2\n"),
+              StartsWith("a.ply:10: vertex 0: z is inf"));
+  EXPECT_THAT(Error("a.ply", header + "0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), HasSubstr("2 corners"));
+  EXPECT_THAT(Error("a.ply",
+                    "ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\n"
+                    "property float y\nproperty float z\nend_header\n0 0 0\n"),
+              HasSubstr("ends early"));
+  EXPECT_THAT(Error("a.ply", BinaryPly().substr(0, BinaryPly().size() - 1)),
+              HasSubstr("ends early, in face 1 of 2"));
+}
+
+TEST_F(MeshFileTest, GltfIsReadWithItsTransforms) {
+  const auto file = Read("a.gltf", Gltf());
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_THAT(file->mesh.corners, SizeIs(2));
+  EXPECT_NEAR(Area(file->mesh), 4, 1e-5);
+  for (const Vec3& vertex : file->mesh.vertices) EXPECT_EQ(vertex.z, 5);
+  ASSERT_THAT(file->materials, SizeIs(1));
+  const Material& copper = file->materials[0];
+  EXPECT_EQ(copper.name, "copper");
+  EXPECT_EQ(copper.surface, Surface::kGlossy);
+  EXPECT_EQ(copper.specular, (Rgb{0.9f, 0.5f, 0.3f}));
+  EXPECT_NEAR(copper.exponent, 2 / std::pow(0.5, 4) - 2, 1e-3);
+  EXPECT_EQ(copper.emission, (Rgb{0, 0, 0.5f}));
+}
+
+TEST_F(MeshFileTest, BrokenGltfSaysWhere) {
+  EXPECT_THAT(Error("a.gltf", "{\n \"asset\": {\"version\": }\n}"), StartsWith("a.gltf:2:"));
+  EXPECT_THAT(Error("a.gltf", "{}"), HasSubstr("no glTF 2"));
+  EXPECT_THAT(Error("a.gltf", std::string(100000, '[') + std::string(100000, ']')),
+              HasSubstr("levels"));
+  std::string twice = Gltf();
+  twice.replace(twice.find("\"nodes\": [{"), 11, "\"nodes\": [{\"children\": [1, 1]}, {");
+  EXPECT_THAT(Error("a.gltf", twice), HasSubstr("nodes[1] has two parents"));
+  std::string external = Gltf();
+  const std::size_t uri = external.find("data:");
+  external.replace(uri, external.find('"', uri) - uri, "gone.bin");
+  const auto file = Read("a.gltf", external);
+  EXPECT_EQ(file.status().code(), absl::StatusCode::kNotFound) << file.status();
+  EXPECT_THAT(std::string(file.status().message()), HasSubstr("gone.bin"));
+}
+
+TEST_F(MeshFileTest, DegenerateTrianglesAreDroppedAndCounted) {
+  const auto file = Read("a.obj", std::string(kTriangle) + "v 2 0 0\nf 1 2 4\nf 1 1 2\n");
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_THAT(file->mesh.corners, SizeIs(1));
+  EXPECT_EQ(file->degenerate_count, 2u);
+  EXPECT_THAT(file->notes, ElementsAre(HasSubstr("2 triangles without area")));
+  EXPECT_THAT(Error("b.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"),
+              HasSubstr("no triangle with an area"));
+}
+
+/// A tent: two squares that meet at an edge, their normals `degrees` apart.
+std::string Tent(double degrees) {
+  const double a = degrees / 2 * std::acos(-1) / 180;
+  return fmt::format(
+      "v 0 0 0\nv 0 0 1\nv {0} {1} 1\nv {0} {1} 0\nv -{0} {1} 1\nv -{0} {1} 0\n"
+      "f 1 2 3 4\nf 2 1 6 5\n",
+      std::cos(a), -std::sin(a));
+}
+
+TEST_F(MeshFileTest, NormalsAreSmoothUpToTheCrease) {
+  const auto smooth = Read("a.obj", Tent(30), {.crease_degrees = 40});
+  ASSERT_TRUE(smooth.ok()) << smooth.status();
+  ASSERT_THAT(smooth->mesh.normals, SizeIs(smooth->mesh.vertices.size()));
+  int on_ridge = 0;
+  for (std::size_t i = 0; i < smooth->mesh.vertices.size(); ++i) {
+    if (smooth->mesh.vertices[i].x != 0) continue;
+    ++on_ridge;
+    EXPECT_NEAR(smooth->mesh.normals[i].y, 1, 1e-6);
+  }
+  EXPECT_EQ(on_ridge, 2);  // one vertex for both sides
+  const auto creased = Read("a.obj", Tent(50), {.crease_degrees = 40});
+  ASSERT_TRUE(creased.ok()) << creased.status();
+  EXPECT_THAT(creased->mesh.normals, IsEmpty());
+  const auto flat = Read("a.obj", Tent(30), {.normals = Normals::kFlat});
+  EXPECT_THAT(flat->mesh.normals, IsEmpty());
+}
+
+TEST_F(MeshFileTest, NormalsOfTheFileAreKept) {
+  const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nvn 0 0 2\nf 1//1 2//2 3//2\n";
+  const auto file = Read("a.obj", obj);
+  ASSERT_TRUE(file.ok()) << file.status();
+  ASSERT_THAT(file->mesh.normals, SizeIs(3));
+  EXPECT_NEAR(file->mesh.normals[file->mesh.corners[0][0]].y, 0.6, 1e-6);
+  EXPECT_NEAR(file->mesh.normals[file->mesh.corners[0][1]].z, 1, 1e-6);
+  EXPECT_THAT(Read("a.obj", obj, {.normals = Normals::kSmooth})->mesh.normals, IsEmpty());
+}
+
+TEST_F(MeshFileTest, MaterialsCanBeDropped) {
+  const std::string obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n";
+  const auto file = Read("a.obj", obj, {.dropped_materials = {"a"}});
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_THAT(file->mesh.corners, SizeIs(1));
+  EXPECT_EQ(file->materials[0].name, "b");
+  const auto none = Read("a.obj", obj, {.dropped_materials = {"c"}});
+  EXPECT_THAT(std::string(none.status().message()), HasSubstr("it has no material \"c\""));
+}
+
+TEST_F(MeshFileTest, FilesThatAreNoneAreNamed) {
+  EXPECT_EQ(ReadMeshFile(folder_ + "/gone.obj").status().code(), absl::StatusCode::kNotFound);
+  std::filesystem::create_directories(folder_ + "/folder.obj");
+  EXPECT_THAT(std::string(ReadMeshFile(folder_ + "/folder.obj").status().message()),
+              HasSubstr("it is a folder"));
+  EXPECT_THAT(Error("a.stl", "solid"), HasSubstr("ends in none of"));
+}
+
+/// Whatever the bytes, the answer is a valid mesh or one line that names the file.
+void ExpectMeshOrOneLine(const std::string& bytes, const std::string& path) {
+  const auto file = ParseMesh(bytes, path);
+  if (!file.ok()) {
+    const std::string message(file.status().message());
+    EXPECT_THAT(message, HasSubstr(path.substr(path.find_last_of('/') + 1)));
+    EXPECT_TRUE(std::all_of(message.begin(), message.end(), [](char c) {
+      return c >= ' ' && c <= '~';
+    })) << message;
+    EXPECT_LT(message.size(), 500u);
+    return;
+  }
+  const Mesh& mesh = file->mesh;
+  ASSERT_FALSE(mesh.corners.empty());
+  ASSERT_EQ(mesh.corners.size(), mesh.materials.size());
+  for (const auto& triangle : mesh.corners) {
+    for (const std::uint32_t corner : triangle) ASSERT_LT(corner, mesh.vertices.size());
+  }
+  for (const Vec3& v : mesh.vertices)
+    ASSERT_TRUE(std::fabs(v.x) <= 1e18f && std::fabs(v.y) <= 1e18f && std::fabs(v.z) <= 1e18f);
+}
+
+const std::pair<const char*, std::string> kSamples[] = {
+    {"/none/a.obj",
+     "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nusemtl red\n"
+     "f 1//1 2//1 3//1 4//1\nf -4/-1/-1 -3/1/1 -2/1/1\nv 0.5 2 0\nf 1 2 3 5 4\n"},
+    {"/none/a.ply", BinaryPly()},
+    {"/none/b.ply",
+     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
+     "z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 "
+     "0\n3 "
+     "0 1 2\n"},
+    {"/none/a.gltf", Gltf()},
+    {"/none/a.glb", Glb()}};
+
+TEST_F(MeshFileTest, TruncatedFilesEndInOneLine) {
+  for (const auto& [path, bytes] : kSamples) {
+    const auto whole = ParseMesh(bytes, path);
+    ASSERT_TRUE(whole.ok()) << path << whole.status();
+    for (std::size_t size = 0; size < bytes.size(); ++size) {
+      SCOPED_TRACE(fmt::format("{} cut to {} bytes", path, size));
+      ExpectMeshOrOneLine(bytes.substr(0, size), path);
+    }
+  }
+  const std::string packed = Pack(kTriangle);
+  for (std::size_t size = 0; size < packed.size(); ++size) {
+    const auto file = Read("cut.obj.xz", packed.substr(0, size));
+    EXPECT_EQ(file.status().code(), absl::StatusCode::kInvalidArgument) << size;
+  }
+}
+
+/// Changes a few bytes: other values, digits and signs, bytes taken out, pieces repeated.
+std::string Mutate(std::string bytes, std::mt19937& random) {
+  const auto below = [&random](std::size_t n) { return random() % std::max<std::size_t>(n, 1); };
+  for (std::size_t i = 0, count = 1 + below(4); i < count; ++i) {
+    const std::size_t at = below(bytes.size());
+    switch (below(4)) {
+      case 0:
+        bytes[at] = static_cast<char>(below(256));
+        break;
+      case 1:
+        bytes[at] = "0123456789-.e/ \n[]{},:\""[below(24)];
+        break;
+      case 2:
+        bytes.erase(at, 1 + below(8));
+        break;
+      default:
+        bytes.insert(at, bytes.substr(below(bytes.size()), 1 + below(16)));
+    }
+    if (bytes.empty()) break;
+  }
+  return bytes;
+}
+
+TEST_F(MeshFileTest, ChangedAndRandomFilesEndInOneLine) {
+  const std::uint32_t fresh = std::random_device()();
+  for (const std::uint32_t seed : {7u, fresh}) {
+    std::mt19937 random(seed);
+    for (const auto& [path, bytes] : kSamples) {
+      for (int i = 0; i < 400; ++i) {
+        SCOPED_TRACE(fmt::format("{}, seed {}, round {}", path, seed, i));
+        ExpectMeshOrOneLine(Mutate(bytes, random), path);
+        if (HasFatalFailure()) return;
+      }
+      for (int i = 0; i < 50; ++i) {
+        std::string noise(1 + random() % 400, '\0');
+        for (char& c : noise) c = static_cast<char>(random());
+        SCOPED_TRACE(fmt::format("{}, seed {}, noise {}", path, seed, i));
+        ExpectMeshOrOneLine(noise, path);
+      }
+    }
+  }
+}
+
+struct SharedScene {
+  const char* file;
+  std::size_t triangles, degenerate;  // as its README says
+  Vec3 min, max;
+};
+
+class SharedSceneTest : public ::testing::TestWithParam<SharedScene> {};
+
+TEST_P(SharedSceneTest, HasTheTrianglesAndTheBoxOfItsReadme) {
+  const std::string folder = testing::SharedScenesFolder();
+  if (folder.empty()) {
+    GTEST_SKIP()
+        << "NOT TESTED: the sample scenes are not here; set TREELIGHT_SCENES to their folder";
+  }
+  const auto file = ReadMeshFile(folder + "/" + GetParam().file);
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(file->mesh.corners.size() + file->degenerate_count, GetParam().triangles);
+  if (GetParam().degenerate > 0) {
+    EXPECT_EQ(file->degenerate_count, GetParam().degenerate);
+  }
+  Box box;
+  for (const Vec3& vertex : file->mesh.vertices) box.Extend(vertex);
+  const float near = 0.0006f * std::max(1.0f, box.max.x / 10);  // half of the last digit there
+  EXPECT_LT(Length(box.min - GetParam().min), 2 * near);
+  EXPECT_LT(Length(box.max - GetParam().max), 2 * near);
+  for (const std::string& note : file->notes) EXPECT_THAT(note, HasSubstr("without area"));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, SharedSceneTest,
+    ::testing::Values(
+        SharedScene{"sibenik/sibenik.obj.xz",
+                    75284,
+                    0,
+                    {-20.141f, -15.312f, -8.497f},
+                    {20.141f, 15.300f, 8.497f}},
+        SharedScene{"dragon/dragon_vrip.ply.xz",
+                    871414,
+                    108,
+                    {-0.1083f, 0.0527f, -0.0504f},
+                    {0.0966f, 0.1972f, 0.0412f}},
+        SharedScene{"conference/conference.obj.xz",
+                    331179,
+                    53627,
+                    {-1020.1f, -2.8f, -1055.7f},
+                    {1685.8f, 650.3f, 668.5f}},
+        SharedScene{"conference/conference_lbl.obj.xz",
+                    210200,
+                    0,
+                    {-0.178f, -0.165f, -0.005f},
+                    {11.125f, 7.010f, 2.713f}},
+        SharedScene{
+            "cornell/CornellBox-Original.obj", 36, 0, {-1.02f, 0, -1.04f}, {1, 1.99f, 0.99f}},
+        SharedScene{"cornell/CornellBox-Water.obj.xz",
+                    7088,
+                    0,
+                    {-1.02f, 0, -1.04f},
+                    {1.004f, 1.59f, 0.99f}},
+        SharedScene{"caustics/MNCardioid.obj", 130, 0, {-17.1f, 0, -17.1f}, {17.1f, 2, 17.1f}}),
+    [](const auto& param_info) {
+      std::string name = param_info.param.file;
+      std::replace_if(
+          name.begin(), name.end(),
+          [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); }, '_');
+      return name;
+    });
+
+}  // namespace
+}  // namespace treelight::client
