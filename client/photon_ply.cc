@@ -19,17 +19,16 @@ namespace {
 constexpr double kViewerGamma = 2.2;
 constexpr std::size_t kFlushSize = std::size_t{1} << 20;  // bytes
 
-std::string Header(const Photons& photons) {
+std::string Header(const PhotonPlyContents& contents) {
   std::string header =
       "ply\nformat binary_little_endian 1.0\ncomment Treelight photons: power in watts\n";
-  fmt::format_to(std::back_inserter(header), "element vertex {}\n", photons.size());
+  fmt::format_to(std::back_inserter(header), "element vertex {}\n", contents.count);
   header += "property float x\nproperty float y\nproperty float z\n";
-  if (!photons.powers.empty()) {
+  if (contents.powers) {
     header += "property float power_red\nproperty float power_green\nproperty float power_blue\n";
   }
-  if (!photons.directions.empty()) header += "property short dir_u\nproperty short dir_v\n";
-  if (!photons.powers.empty())
-    header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  if (contents.directions) header += "property short dir_u\nproperty short dir_v\n";
+  if (contents.powers) header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   return header + "end_header\n";
 }
 
@@ -135,23 +134,48 @@ absl::Status WritePhotonPly(const std::string& path, const Photons& photons) {
 }
 
 absl::Status WritePhotonPly(OutputFile file, const Photons& photons) {
-  const std::size_t n = photons.size();
-  if (photons.positions.size() != 3 * n ||
-      (!photons.powers.empty() && photons.powers.size() != 3 * n) ||
-      (!photons.directions.empty() && photons.directions.size() != 2 * n)) {
+  auto writer = PhotonPlyWriter::Create(
+      std::move(file),
+      {.count = photons.size(),
+       .powers = !photons.powers.empty(),
+       .directions = !photons.directions.empty(),
+       .max_power = photons.powers.empty()
+                        ? 0
+                        : *std::max_element(photons.powers.begin(), photons.powers.end())});
+  if (!writer.ok()) return writer.status();
+  if (const auto status = writer->Write(photons); !status.ok()) return status;
+  return writer->Commit();
+}
+
+absl::StatusOr<PhotonPlyWriter> PhotonPlyWriter::Create(OutputFile file,
+                                                        const PhotonPlyContents& contents) {
+  if (const auto status = file.Write(Header(contents)); !status.ok()) return status;
+  return PhotonPlyWriter(std::move(file), contents);
+}
+
+absl::Status PhotonPlyWriter::Write(const Photons& block) {
+  const std::size_t n = block.size();
+  if (block.positions.size() != 3 * n || block.powers.size() != (contents_.powers ? 3 * n : 0) ||
+      block.directions.size() != (contents_.directions ? 2 * n : 0)) {
     return absl::InvalidArgumentError("arrays of photons are of unequal length");
   }
-  std::string bytes = Header(photons);
-  const float max_power =
-      photons.powers.empty() ? 0 : *std::max_element(photons.powers.begin(), photons.powers.end());
+  std::string bytes;
   for (std::size_t i = 0; i < n; ++i) {
-    AppendVertex(photons, i, max_power, bytes);
+    AppendVertex(block, i, contents_.max_power, bytes);
     if (bytes.size() < kFlushSize) continue;
-    if (const auto status = file.Write(bytes); !status.ok()) return status;
+    if (const auto status = file_.Write(bytes); !status.ok()) return status;
     bytes.clear();
   }
-  if (const auto status = file.Write(bytes); !status.ok()) return status;
-  return file.Commit();
+  written_ += n;
+  return file_.Write(bytes);
+}
+
+absl::Status PhotonPlyWriter::Commit() {
+  if (written_ != contents_.count) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} photons were written, {} announced", written_, contents_.count));
+  }
+  return file_.Commit();
 }
 
 absl::StatusOr<Photons> ReadPhotonPly(const std::string& path) {

@@ -331,8 +331,9 @@ TEST_F(TreelightWithServerTest, TracedPhotonsBecomeAMapThatAnswers) {
   EXPECT_GE(photons->size(), 3000u);
   EXPECT_EQ(photons->powers.size(), 3 * photons->size());
   EXPECT_EQ(photons->directions.size(), 2 * photons->size());
-  EXPECT_THAT(traced.out, AllOf(StartsWith(fmt::format("photons: {} = ", photons->size())),
-                                HasSubstr(" indirect + "), HasSubstr(" caustic\nlight: ")));
+  EXPECT_THAT(traced.out,
+              AllOf(StartsWith(fmt::format("photons: {} = ", photons->size())),
+                    HasSubstr(" indirect + "), HasSubstr(" caustic\n"), HasSubstr("\nemitted ")));
   const Outcome built = Run("build --photons photons.ply --name room");
   ASSERT_EQ(built.exit_code, 0) << built.err;
   EXPECT_THAT(built.out,

@@ -83,7 +83,7 @@ absl::StatusOr<PhotonSetReport> TraceSet(const PhotonPaths& paths, std::uint64_t
   const double share = 1 / static_cast<double>(report.paths);
   Scale(report.stored, share);
   Scale(energy, share);
-  report.max_power = static_cast<float>(report.max_power * share);
+  report.max_power *= 1 / static_cast<float>(report.paths);
   return report;
 }
 
