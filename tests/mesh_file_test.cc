@@ -203,6 +203,17 @@ TEST_F(MeshFileTest, MissingMaterialsAreToldInOneLineAndAreGrey) {
   EXPECT_THAT(other->notes, ElementsAre(HasSubstr("b.obj:5: material \"unknown\" is in no")));
 }
 
+TEST_F(MeshFileTest, NamesMayHaveBlanksAndHashes) {
+  Write("my file.mtl", "# a comment\nnewmtl Material #25\nKd 1 0 0 # red\n");
+  const auto file = Read("a.obj",
+                         "mtllib my file.mtl\nv 0 0 0 # first\nv 1 0 0\nv 0 1 0\n"
+                         "usemtl Material #25\nf 1 2 3\n");
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_THAT(file->notes, IsEmpty());
+  EXPECT_EQ(file->materials[0].name, "Material #25");
+  EXPECT_EQ(file->materials[0].reflectance, (Rgb{1, 0, 0}));
+}
+
 TEST_F(MeshFileTest, BrokenMaterialFileSaysWhere) {
   Write("a.mtl", "newmtl m\nKd 1 0\n");
   EXPECT_THAT(Error("a.obj", "mtllib a.mtl\n" + std::string(kTriangle)),

@@ -91,8 +91,16 @@ class Statements {
     const std::size_t end = std::min(text_.find('\n'), text_.size());
     std::string_view line = text_.substr(0, end);
     text_.remove_prefix(std::min(end + 1, text_.size()));
-    line = line.substr(0, line.find('#'));
+    if (std::string_view rest = line; !IsNaming(TakeWord(rest))) {
+      line = line.substr(0, line.find('#'));
+    }
     return line.substr(0, line.find_last_not_of(kBlanks) + 1);
+  }
+
+  /// Whether the rest of the line is a name, which may have a '#': 3ds Max makes "Material #25".
+  static bool IsNaming(std::string_view keyword) {
+    return keyword == "usemtl" || keyword == "newmtl" || keyword == "mtllib" || keyword == "g" ||
+           keyword == "o";
   }
 
   std::string_view text_;
