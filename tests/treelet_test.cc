@@ -164,6 +164,15 @@ TEST(TreeletTest, MoreRoundsAndLargerTreeletsSaveMore) {
   EXPECT_LT(cost_after(7, 3), cost_after(7, 1));
 }
 
+TEST(TreeletTest, GrowingByTurnsSavesMore) {
+  const Photons photons = MakeCloud(CloudNamed("surfaces"), 20011, /*seed=*/7);
+  const TreeletCost cost = MakeCost(photons, Heuristic::kIsa, LeafTerm::kLeafSize);
+  LooseTree by_turns = Lbvh(photons, 2), by_measure = by_turns;
+  RestructureTreelets(by_turns, cost, {.rounds = 3});
+  for (int i = 0; i < 3; ++i) RestructureTreelets(by_measure, cost, {.rounds = 1});
+  EXPECT_LT(CostOf(cost, by_turns, by_turns.root), CostOf(cost, by_measure, by_measure.root));
+}
+
 // A k-d tree may be as deep as kMaxDepth. Restructured, it is no deeper, and its cost falls.
 TEST(TreeletTest, TheDepthIsBounded) {
   Photons photons;

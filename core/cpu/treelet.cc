@@ -44,7 +44,7 @@ class Restructurer {
         }) {}
 
   void Run() {
-    for (std::uint32_t round = 0; round < options_.rounds; ++round) {
+    for (round_ = 0; round_ < options_.rounds; ++round_) {
       tree_.root = Visit(tree_.root, 0);
     }
   }
@@ -102,6 +102,11 @@ class Restructurer {
     return workshop.parts.back();
   }
 
+  /// What a treelet grows by.
+  float Priority(const Subtree& subtree) const {
+    return round_ % 2 == 0 ? cost_.measure(subtree.box) : static_cast<float>(subtree.count);
+  }
+
   /// Grows the treelet below node `root`.
   void Form(std::uint32_t root, Treelet& treelet) const {
     const auto& [left, right] = tree_.nodes[root];
@@ -109,12 +114,12 @@ class Restructurer {
     treelet.nodes = {root};
     while (treelet.leaves.size() < options_.treelet_size) {
       std::size_t largest = treelet.leaves.size();
-      float largest_measure = -1;
+      float largest_priority = -1;
       for (std::size_t i = 0; i < treelet.leaves.size(); ++i) {
         if (treelet.leaves[i].is_leaf()) continue;
-        const float measure = cost_.measure(treelet.leaves[i].box);
-        if (measure > largest_measure) {
-          largest_measure = measure;
+        const float priority = Priority(treelet.leaves[i]);
+        if (priority > largest_priority) {
+          largest_priority = priority;
           largest = i;
         }
       }
@@ -162,6 +167,7 @@ class Restructurer {
   LooseTree& tree_;
   const TreeletCost cost_;
   const TreeletOptions options_;
+  std::uint32_t round_ = 0;
   tbb::enumerable_thread_specific<Workshop> workshops_;
 };
 

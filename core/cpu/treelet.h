@@ -25,18 +25,19 @@ inline constexpr float kTreeletGain = 0x1p-20f;
 ///
 /// A round goes bottom-up: a node is the root of a treelet when its subtrees are finished and it
 /// has at least as many leaves as a treelet, or is the root of a smaller tree. The treelet grows by
-/// the node with the largest measure, the first of equals: its left child takes its place in the
-/// list, the right child goes to the end. The new topology replaces the old one where
-/// cost < old * (1 - kTreeletGain) and the height is at most kMaxDepth less the depth that the node
-/// had when the round began; by induction no tree becomes deeper than kMaxDepth. What happens at a
-/// node depends on its subtree alone, so rounds run in parallel and give the same tree in any
-/// order.
+/// the node with the largest measure, in every second round by that with the most photons, the
+/// first of equals: its left child takes its place in the list, the right child goes to the end.
+/// The new topology replaces the old one where cost < old * (1 - kTreeletGain) and the height is at
+/// most kMaxDepth less the depth that the node had when the round began; by induction no tree
+/// becomes deeper than kMaxDepth. What happens at a node depends on its subtree alone, so rounds
+/// run in parallel and give the same tree in any order.
 ///
-/// We depart from the paper in two points. Each round treats all treelets, where theirs doubles
-/// the least size from round to round to save time: so three rounds visit half a percent fewer
-/// nodes. With the leaf term merging is undone where another topology is cheaper: a merged subtree
-/// keeps its nodes, treelets grow into them, and only Arrange makes it a leaf; merging for good
-/// gains half as much.
+/// We depart from the paper in three points. Growing by turns shows a round other treelets than
+/// those that the round before has just finished: a quarter percent. Each round treats all
+/// treelets, where theirs doubles the least size from round to round to save time: so three rounds
+/// visit half a percent fewer nodes. With the leaf term merging is undone where another topology is
+/// cheaper: a merged subtree keeps its nodes, treelets grow into them, and only Arrange makes it a
+/// leaf; merging for good gains half as much.
 void RestructureTreelets(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options);
 
 }  // namespace treelight
