@@ -17,6 +17,9 @@
 namespace treelight::client {
 namespace {
 
+// Corners of a face: Assimp takes a time that grows with their square, a second for 16,000.
+constexpr std::uint64_t kMaxCorners = 10'000;
+
 constexpr std::string_view kBlanks = " \t\r\v\f";
 
 // Statements of OBJ that are passed on, or over, unread (Wavefront, "Object Files (.obj)").
@@ -188,8 +191,8 @@ std::string CheckFace(std::string_view rest, std::uint64_t line, ObjState& state
     if (auto error = CheckCorner(word, line, state); !error.empty()) return error;
     ++state.corner_count;
   }
-  if (state.corner_count >= 3) return {};
-  return fmt::format("a face of {} corners", state.corner_count);
+  if (state.corner_count >= 3 && state.corner_count <= kMaxCorners) return {};
+  return fmt::format("a face of {} corners, it must have 3 to {}", state.corner_count, kMaxCorners);
 }
 
 std::string CheckStatement(std::string_view keyword, std::string_view rest, std::uint64_t line,
