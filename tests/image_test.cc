@@ -7,6 +7,7 @@
 #include <fstream>
 #include <string>
 
+#include "client/render/difference.h"
 #include "client/render/image_file.h"
 #include "gtest/gtest.h"
 #include "stb_image.h"
@@ -59,6 +60,34 @@ TEST_F(ImageFileTest, HalfExrKeepsElevenBits) {
     EXPECT_NEAR(read->pixels[i].g, image.pixels[i].g, std::abs(image.pixels[i].g) / 2048) << i;
     EXPECT_NEAR(read->pixels[i].b, image.pixels[i].b, std::abs(image.pixels[i].b) / 2048) << i;
   }
+}
+
+TEST_F(ImageFileTest, ExrHoldsLayers) {
+  const Image image = MakeImage();
+  FeatureLayers layers{.albedo = Image(13, 7), .normals = Image(13, 7)};
+  for (int i = 0; i < 91; ++i) {
+    layers.albedo.pixels[i] = {0.01f * i, 0.5f, 1 - 0.01f * i};
+    layers.normals.pixels[i] = {-1 + 0.01f * i, 0.25f, -0.125f};
+  }
+  ImageFileOptions options{.pixels = ExrPixels::kFloat, .layers = &layers};
+  ASSERT_TRUE(WriteImage(image, Path("a.exr"), options).ok());
+  EXPECT_EQ(ReadExr(Path("a.exr"))->pixels, image.pixels);
+  EXPECT_EQ(ReadExr(Path("a.exr"), kAlbedoChannels)->pixels, layers.albedo.pixels);
+  EXPECT_EQ(ReadExr(Path("a.exr"), kNormalChannels)->pixels, layers.normals.pixels);
+  options.pixels = ExrPixels::kHalf;
+  ASSERT_TRUE(WriteImage(image, Path("half.exr"), options).ok());
+  const auto half = ReadExr(Path("half.exr"), kNormalChannels);
+  ASSERT_TRUE(half.ok()) << half.status();
+  for (int i = 0; i < 91; ++i)
+    EXPECT_NEAR(half->pixels[i].r, layers.normals.pixels[i].r, 1.0 / 2048) << i;
+
+  // Without them a reader is told; of another size they are refused.
+  ASSERT_TRUE(WriteImage(image, Path("plain.exr")).ok());
+  const auto none = ReadExr(Path("plain.exr"), kAlbedoChannels);
+  EXPECT_EQ(none.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(none.status().message().find("albedo.R"), std::string::npos) << none.status();
+  layers.albedo = Image(13, 6);
+  EXPECT_FALSE(WriteImage(image, Path("b.exr"), options).ok());
 }
 
 TEST_F(ImageFileTest, PngHoldsTheSrgbCodes) {
@@ -127,6 +156,32 @@ TEST(Compare, MeasuresDifferences) {
   a.pixels[1] = {0.5f, 0.5f, 0.5f};
   EXPECT_DOUBLE_EQ(Compare(a, b)->clipped_rmse, std::sqrt(0.125));
   EXPECT_EQ(Compare(a, Image(1, 2)).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(ShowDifference, IsRedWhereBrighterAndBlueWhereDarker) {
+  Image a(3, 1), b(3, 1);
+  a.pixels = {{1, 1, 1}, {2, 2, 2}, {0, 0, 0}};
+  b.pixels = {{1, 1, 1}, {1, 1, 1}, {0.5f, 0.5f, 0.5f}};
+  const auto difference = ShowDifference(a, b, 2);
+  ASSERT_TRUE(difference.ok()) << difference.status();
+  EXPECT_EQ(difference->scale, 2);
+  EXPECT_EQ(difference->signed_difference.pixels,
+            (std::vector<Rgb>{{}, {1, 1, 1}, {-0.5f, -0.5f, -0.5f}}));
+  EXPECT_EQ(difference->colors.pixels,
+            (std::vector<Rgb>{{1, 1, 1}, {1, 0.5f, 0.5f}, {0.75f, 0.75f, 1}}));
+  const auto saturated = ShowDifference(a, b, 0.25f);
+  EXPECT_EQ(saturated->colors.pixels, (std::vector<Rgb>{{1, 1, 1}, {1, 0, 0}, {0, 0, 1}}));
+  EXPECT_FALSE(ShowDifference(a, Image(1, 3)).ok());
+}
+
+TEST(ShowDifference, ScalesToWhatNearlyAllPixelsAreBelow) {
+  Image a(1000, 1), b(1000, 1);
+  for (int i = 0; i < 1000; ++i) a.pixels[i].g = -0.003f * static_cast<float>(i);  // mean -0.001 i
+  EXPECT_NEAR(ShowDifference(a, b)->scale, 0.989, 1e-4);
+  EXPECT_EQ(ShowDifference(b, b)->scale, 1);
+  a = b;
+  a.pixels[7] = {6, 0, 0};  // fewer than 1 of 100 differ
+  EXPECT_EQ(ShowDifference(a, b)->scale, 2);
 }
 
 }  // namespace

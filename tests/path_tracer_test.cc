@@ -90,6 +90,49 @@ TEST(PathTracer, TellsItsNoise) {
   EXPECT_GT(a.rays, 24u * 24 * 32);
 }
 
+TEST(PathTracer, EndsAtTheNoiseThatIsWanted) {
+  PathTraceOptions options{.width = 24, .height = 24, .samples_per_pixel = 4096, .seed = 3};
+  options.target_noise = 0.1;
+  const auto coarse = MustPathTrace(MakeCornell(), options);
+  EXPECT_LE(coarse.noise, 0.1);
+  EXPECT_GE(coarse.samples_per_pixel, 16u);
+  options.target_noise = 0.05;
+  const auto fine = MustPathTrace(MakeCornell(), options);
+  EXPECT_LE(fine.noise, 0.05);
+  EXPECT_GT(fine.samples_per_pixel, coarse.samples_per_pixel);
+  EXPECT_LT(fine.samples_per_pixel, 4096u);
+  options.samples_per_pixel = 32;  // ends first
+  const auto cut = MustPathTrace(MakeCornell(), options);
+  EXPECT_EQ(cut.samples_per_pixel, 32u);
+  EXPECT_GT(cut.noise, 0.05);
+}
+
+TEST(PathTracer, PreviewsDoNotChangeThePicture) {
+  PathTraceOptions options{.width = 24, .height = 20, .samples_per_pixel = 20, .seed = 8};
+  const auto plain = MustPathTrace(MakeCornell(), options);
+  std::vector<Image> seen;
+  options.preview = {.show = [&](const Image& image) { seen.push_back(image); }, .interval_s = 0};
+  const auto shown = MustPathTrace(MakeCornell(), options);
+  EXPECT_EQ(shown.image.pixels, plain.image.pixels);
+  ASSERT_GT(seen.size(), 3u);
+  EXPECT_EQ(seen.back().pixels, plain.image.pixels);
+  EXPECT_NEAR(Mean(seen.front()), Mean(plain.image), 0.3 * Mean(plain.image));
+}
+
+TEST(PathTracer, SaysWhatItCannotSee) {
+  Scene scene = MakeCornell();
+  EXPECT_FALSE(MissingFromReference(scene));
+  scene.point_lights.push_back({.position = {0, 1, 0}, .intensity = {1, 1, 1}});
+  const auto missing = MissingFromReference(scene);
+  ASSERT_TRUE(missing);
+  EXPECT_EQ(*missing, "the light of the point light by way of glass, mirror");
+  scene.spheres.clear();  // the materials are there, but nothing is made of them
+  EXPECT_FALSE(MissingFromReference(scene));
+  scene.materials[0].surface = Surface::kPane;
+  scene.point_lights.push_back(scene.point_lights[0]);
+  EXPECT_EQ(MissingFromReference(scene), "the light of 2 point lights by way of white");
+}
+
 TEST(PathTracer, GivesTheSamePictureForAnyNumberOfThreads) {
   std::vector<Image> images;
   for (const std::size_t threads : {1, 2, 8}) {

@@ -5,12 +5,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -19,11 +22,13 @@
 #include "client/answer_csv.h"
 #include "client/photon_ply.h"
 #include "client/query_file.h"
+#include "client/render/image_file.h"
 #include "core/builder.h"
 #include "fmt/format.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "nlohmann/json.hpp"
+#include "stb_image.h"
 #include "tests/server_fixture.h"
 
 namespace treelight::client {
@@ -113,6 +118,16 @@ TEST_F(TreelightCommandTest, AWrongCommandLineIsOneLineAndExitCode2) {
   EXPECT_THAT(FailingRun("render --radius nan", 2), HasSubstr("--radius"));
   EXPECT_THAT(FailingRun("render --seed -1", 2), HasSubstr("--seed"));
   EXPECT_THAT(FailingRun("render --output a.png --output a.png", 2), HasSubstr("given twice"));
+  EXPECT_THAT(FailingRun("render --kernel gauss", 2), HasSubstr("gauss"));
+  EXPECT_THAT(FailingRun("render --caustic-kernel gauss", 2), HasSubstr("gauss"));
+  EXPECT_THAT(FailingRun("render --final-gather -1", 2), HasSubstr("--final-gather"));
+  EXPECT_THAT(FailingRun("render --noise 0.1", 2), HasSubstr("--noise requires --reference"));
+  EXPECT_THAT(FailingRun("render --layers --output a.png", 2), HasSubstr("ends in .exr"));
+  EXPECT_THAT(FailingRun("render --preview a.jpg", 2), HasSubstr("neither in .png nor in .exr"));
+  EXPECT_THAT(FailingRun("render --preview a.png --output a.png", 2), HasSubstr("is an --output"));
+  EXPECT_THAT(FailingRun("compare a.exr", 2), HasSubstr("reference is required"));
+  EXPECT_THAT(FailingRun("compare a.exr b.exr --difference d.jpg", 2), HasSubstr("d.jpg"));
+  EXPECT_THAT(FailingRun("compare a.exr b.exr --scale 0", 2), HasSubstr("--scale"));
   EXPECT_THAT(FailingRun("trace --seed -1 --output a.ply", 2), HasSubstr("--seed"));
   EXPECT_THAT(FailingRun("trace", 2), HasSubstr("--output is required"));
   EXPECT_THAT(FailingRun("gather --map n --queries q --outputs count,all", 2), HasSubstr("all"));
@@ -133,6 +148,76 @@ TEST_F(TreelightCommandTest, NoServerIsOneLineAndExitCode3) {
   EXPECT_THAT(FailingRun("--server unix:/nowhere/treelight.sock info", 3),
               HasSubstr("unix:/nowhere/treelight.sock"));
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(20));
+}
+
+/// `width` x 3 pixels, all of `color`.
+void WriteExr(const std::string& path, int width, const Rgb& color) {
+  Image image(width, 3);
+  for (Rgb& pixel : image.pixels) pixel = color;
+  ASSERT_TRUE(WriteImage(image, path, {.pixels = ExrPixels::kFloat}).ok());
+}
+
+TEST_F(TreelightCommandTest, CompareTellsTheErrorAndShowsIt) {
+  WriteExr(Path("a.exr"), 4, {0.5f, 0.25f, 0});
+  WriteExr(Path("b.exr"), 4, {0.25f, 0.25f, 0.25f});
+  const Outcome plain = Run("compare a.exr b.exr");
+  EXPECT_EQ(plain.exit_code, 0) << plain.err;
+  // Squares of 1/4, 0 and -1/4: RMSE sqrt(1/24); relative to 1/16 + 1/100: 0.57471.
+  EXPECT_EQ(plain.out,
+            "a.exr against b.exr: RMSE 0.2041 (0.2041 with radiances clipped at 1), relative MSE "
+            "0.57471, mean +0.00 %\n");
+  const Outcome exr = Run("compare a.exr b.exr --difference d.exr");
+  EXPECT_EQ(exr.exit_code, 0) << exr.err;
+  EXPECT_THAT(exr.out, HasSubstr("difference: d.exr, a.exr minus b.exr"));
+  EXPECT_EQ(ReadExr(Path("d.exr"))->pixels[5], (Rgb{0.25f, 0, -0.25f}));
+  WriteExr(Path("dark.exr"), 4, {0.15f, 0.15f, 0.15f});
+  const Outcome png = Run("compare dark.exr b.exr --difference d.png");
+  EXPECT_EQ(png.exit_code, 0) << png.err;
+  EXPECT_THAT(png.out, HasSubstr("red: dark.exr is brighter, blue: darker; full colour at 0.1\n"));
+  EXPECT_TRUE(ReadFile(Path("d.png")).starts_with("\x89PNG\r\n"));
+}
+
+TEST_F(TreelightCommandTest, CompareSaysWhatIsWrongWithAFile) {
+  WriteExr(Path("a.exr"), 4, {1, 1, 1});
+  WriteExr(Path("wide.exr"), 5, {1, 1, 1});
+  WriteExr(Path("nan.exr"), 4, {1, NAN, 1});
+  std::ofstream(Path("text.exr")) << "no picture";
+  EXPECT_THAT(FailingRun("compare a.exr none.exr", 1), HasSubstr("there is no file none.exr"));
+  EXPECT_THAT(FailingRun("compare text.exr a.exr", 1), HasSubstr("text.exr is no EXR"));
+  EXPECT_THAT(FailingRun("compare a.exr wide.exr", 1),
+              HasSubstr("a.exr is 4 x 3 pixels, wide.exr is 5 x 3"));
+  EXPECT_THAT(FailingRun("compare a.exr nan.exr", 1),
+              HasSubstr("nan.exr: pixel (0, 0) is (1, nan, 1)"));
+  EXPECT_THAT(FailingRun("compare a.exr a.exr --difference none/d.png", 1),
+              HasSubstr("cannot write none/d.png: No such file"));
+}
+
+TEST_F(TreelightCommandTest, AReferenceEndsAtItsNoiseAndHasLayers) {
+  const Outcome outcome = Run(
+      "render --reference --width 32 --height 32 --spp 4096 --noise 0.1 --layers --output r.exr "
+      "--preview p.png");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  unsigned samples = 0;
+  ASSERT_EQ(std::sscanf(outcome.out.c_str(), "path-traced with %u samples", &samples), 1);
+  EXPECT_GE(samples, 16u);
+  EXPECT_LT(samples, 4096u);
+  const auto albedo = ReadExr(Path("r.exr"), kAlbedoChannels);
+  ASSERT_TRUE(albedo.ok()) << albedo.status();
+  EXPECT_NEAR(albedo->pixels[16 * 32 + 2].r, 0.63, 0.01);  // the red wall
+  EXPECT_NEAR(ReadExr(Path("r.exr"), kNormalChannels)->pixels[16 * 32 + 2].r, 1, 0.01);
+  EXPECT_TRUE(ReadFile(Path("p.png")).starts_with("\x89PNG\r\n"));
+}
+
+TEST_F(TreelightCommandTest, AReferenceThatLacksLightIsRefusedOrSaysSo) {
+  const std::string command =
+      "render --reference --width 8 --height 8 --spp 2 --output r.exr --light 0,1,0,1,1,1";
+  EXPECT_THAT(FailingRun(command, 1),
+              AllOf(HasSubstr("no reference of cornell: the light of the point light by way of "
+                              "glass, mirror cannot be path-traced"),
+                    HasSubstr("--allow-incomplete")));
+  const Outcome allowed = Run(command + " --allow-incomplete");
+  EXPECT_EQ(allowed.exit_code, 0) << allowed.err;
+  EXPECT_THAT(allowed.err, HasSubstr("warning: the reference lacks the light of the point light"));
 }
 
 TEST_F(TreelightCommandTest, BadFilesAreOneLineAndExitCode1) {
@@ -367,6 +452,38 @@ TEST_F(TreelightWithServerTest, ARenderIsNearItsReference) {
   // it would be 0.055, without indirect light 0.068.
   EXPECT_LT(clipped_rmse, 0.045);
   EXPECT_LT(rmse, 0.2);  // 0.08 to 0.09: values above white at the rim of the lamp weigh most
+}
+
+// Whoever reads the preview while it is rendered gets a whole picture, and the last one is the
+// picture itself.
+TEST_F(TreelightWithServerTest, APreviewIsValidAtAllTimes) {
+  Outcome render;
+  std::atomic<bool> ended = false;
+  std::thread renderer([&] {
+    render =
+        Run("render --width 96 --height 96 --spp 64 --photons 2000 --final-gather 1 --output "
+            "picture.png "
+            "--preview preview.png --preview-every 0");
+    ended = true;
+  });
+  std::set<std::string> seen;
+  while (!ended) {
+    const std::string bytes = ReadFile(Path("preview.png"));
+    if (bytes.empty()) continue;  // not there yet
+    int width = 0, height = 0, channels = 0;
+    stbi_uc* const pixels =
+        stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()),
+                              static_cast<int>(bytes.size()), &width, &height, &channels, 0);
+    EXPECT_NE(pixels, nullptr) << stbi_failure_reason();
+    EXPECT_EQ(width, 96);
+    stbi_image_free(pixels);
+    seen.insert(bytes);
+  }
+  renderer.join();
+  EXPECT_EQ(render.exit_code, 0) << render.err;
+  EXPECT_GT(seen.size(), 2u);
+  EXPECT_EQ(ReadFile(Path("preview.png")), ReadFile(Path("picture.png")));
+  EXPECT_THAT(render.out, HasSubstr(" of it while the client traced"));
 }
 
 TEST_F(TreelightWithServerTest, AServerThatDrainsStillGivesThePicture) {

@@ -30,6 +30,8 @@ void AddInfoCommand(CLI::App& app,
                     GlobalOptions& global);  ///< `info`: version, limits and load of the server
 void AddBuildCommand(CLI::App& app,
                      GlobalOptions& global);  ///< `build`: a photon file becomes a map
+void AddCompareCommand(CLI::App& app,
+                       GlobalOptions& global);  ///< `compare`: how far two pictures are apart
 void AddGatherCommand(CLI::App& app,
                       GlobalOptions& global);  ///< `gather`: a query file becomes answers in CSV
 void AddMapsCommand(CLI::App& app, GlobalOptions& global);  ///< `maps`: list, show and delete maps

@@ -73,6 +73,7 @@ int Main(int argc, char** argv) {
   AddDevicesCommand(app, global);
   AddInfoCommand(app, global);
   AddBuildCommand(app, global);
+  AddCompareCommand(app, global);
   AddGatherCommand(app, global);
   AddMapsCommand(app, global);
   AddRenderCommand(app, global);

@@ -48,6 +48,10 @@ Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
   row("receive and build", total(maps.indirect), total(maps.caustic));
   const GatherCost &a = render.indirect, &b = render.caustic;
   row("gathers", fmt::to_string(a.queries), fmt::to_string(b.queries));
+  row("gathers: messages", fmt::to_string(a.messages), fmt::to_string(b.messages));
+  row("gathers: kernels", FormatMicroseconds(a.kernel_us), FormatMicroseconds(b.kernel_us));
+  row("gathers: to the device and back", FormatMicroseconds(a.transfer_us),
+      FormatMicroseconds(b.transfer_us));
   row("gathers/s of kernel time", PerSecond(a.queries, 1e-6 * a.kernel_us),
       PerSecond(b.queries, 1e-6 * b.kernel_us));
   row("gathers/s of wall time (picture, both maps at once)", PerSecond(a.queries, render_s),
@@ -85,12 +89,16 @@ std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
   return Format(MapTable(photons, maps, render, traversals, times.render_s)) +
          FormatEnergy(photons) +
          fmt::format(
-             "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} s "
-             "(camera {:.2f} s, {:.1f} Mrays/s; waiting for gathers {:.2f} s), in all {:.2f} s\n",
+             "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} "
+             "s, "
+             "in all {:.2f} s\n"
+             "picture: camera {:.2f} s ({:.1f} Mrays/s), waiting for gathers {:.2f} s; the device "
+             "was busy for {:.2f} s, at least {:.0f} % of it while the client traced\n",
              times.trace_s,
              mega(photons.report.indirect.rays + photons.report.caustic.rays, times.trace_s),
-             times.build_s, times.render_s, render.camera_s, mega(render.rays, render.camera_s),
-             render.wait_s, times.whole_s);
+             times.build_s, times.render_s, times.whole_s, render.camera_s,
+             mega(render.rays, render.camera_s), render.wait_s(), render.device_s(),
+             100 * render.overlap());
 }
 
 std::string FormatError(const ImageError& error, const std::string& reference_path) {

@@ -2,167 +2,229 @@
 
 #include <algorithm>
 #include <numbers>
-#include <optional>
 
+#include "client/render/branches.h"
 #include "client/trace/random.h"
 #include "client/trace/scatter.h"
+#include "client/trace/targets.h"
 #include "tbb/parallel_for.h"
 
 namespace treelight::client {
 namespace {
 
-constexpr std::size_t kPixelsPerTask = 64;
-/// Below this share of the pixel sample a ray no longer splits at glass.
-constexpr float kMinSplitWeight = 0.02f;
-/// Mirrors and glass in a row; what goes on between perfect mirrors is left out.
-constexpr std::uint32_t kMaxSpecularHits = 64;
-
-/// A ray still to be followed, and the share of its pixel sample that it carries.
-struct Branch {
-  Ray ray;
-  Rgb weight;
-  std::uint32_t specular_hits = 0;
-};
+constexpr std::size_t kSamplesPerTask = 32;
+/// Surfaces that one gather ray is followed over, near and specular ones.
+constexpr std::uint32_t kMaxGatherSurfaces = 64;
+/// Diffuse surfaces among them: a corner is left after few bounces.
+constexpr std::uint32_t kMaxNearBounces = 4;
 
 class CameraTask {
  public:
   CameraTask(const Intersector& intersector, const Lights& lights, const CameraPassOptions& options)
-      : intersector_(intersector), lights_(lights), options_(options) {}
+      : intersector_(intersector), lights_(lights), options_(options), branches_(intersector) {}
 
-  /// Follows one sample, which is `share` of the pixel that was begun last.
-  void TraceSample(const Ray& ray, float share, RandomStream& random) {
-    branches_.assign(1, {ray, {share, share, share}});
-    while (!branches_.empty()) {
-      const Branch branch = branches_.back();
-      branches_.pop_back();
-      ++batch_.rays;
-      if (const auto hit = intersector_.Intersect(branch.ray)) Shade(branch, *hit, share, random);
+  /// Follows `ray`, sample `sample` of its pixel. `first_stratum` is that of its first gather ray.
+  void TraceSample(const Ray& ray, std::uint32_t first_stratum, RandomStream& random) {
+    batch_.radiance.emplace_back();
+    first_stratum_ = first_stratum;
+    branches_.Begin(ray);
+    while (const auto met = branches_.Next()) {
+      const auto& [branch, hit] = *met;
+      AddEmission(branch, hit);
+      if (ScattersWidely(*hit.material)) ShadeWide(branch, hit, random);
+      branches_.Scatter(branch, hit, random);
     }
   }
 
-  void BeginPixel() { batch_.radiance.emplace_back(); }
-  CameraBatch& batch() { return batch_; }
+  CameraBatch Take() {
+    batch_.rays += branches_.rays();
+    return std::move(batch_);
+  }
 
  private:
-  void Shade(const Branch& branch, const Hit& hit, float share, RandomStream& random) {
-    const Material& material = *hit.material;
-    if (hit.front) batch_.radiance.back() += branch.weight * material.emission;
-    switch (material.surface) {
-      case Surface::kDiffuse:
-        return ShadeDiffuse(branch, hit, random);
-      case Surface::kGlossy:
-        ShadeDiffuse(branch, hit, random);
-        return FollowOne(branch, hit, random);
-      case Surface::kMirror:
-      case Surface::kPane:
-        return FollowOne(branch, hit, random);
-      case Surface::kDielectric:
-        break;
+  std::uint32_t sample() const { return static_cast<std::uint32_t>(batch_.radiance.size() - 1); }
+  std::uint32_t shadow_rays() const { return options_.light_strata * options_.light_strata; }
+
+  /// Light that was hit; where a lobe chose the way there, weighted against having sampled it.
+  void AddEmission(const Branch& branch, const Hit& hit) {
+    if (!hit.front || !(MaxChannel(hit.material->emission) > 0)) return;
+    float weight = 1;
+    if (branch.density > 0) {
+      const float light_density = lights_.Density(hit, branch.ray.direction, branch.travelled);
+      weight = BalanceWeight(branch.density, static_cast<float>(shadow_rays()) * light_density);
     }
-    const DielectricSplit split = SplitAtHit(branch.ray, hit);
-    const Rgb reflected = split.reflectance * branch.weight;
-    const Rgb refracted = (1 - split.reflectance) * (branch.weight * material.transmittance);
-    if (split.refracted &&
-        std::min(MaxChannel(reflected), MaxChannel(refracted)) >= kMinSplitWeight * share) {
-      Follow(branch, hit, split.reflected, reflected);
-      Follow(branch, hit, *split.refracted, refracted);
-    } else {
-      FollowOne(branch, hit, random);
+    batch_.radiance.back() += weight * (branch.weight * hit.material->emission);
+  }
+
+  void ShadeWide(const Branch& branch, const Hit& hit, RandomStream& random) {
+    const Rgb reflected = branch.weight * hit.material->reflectance;
+    if (MaxChannel(reflected) > 0) {
+      batch_.diffuse_hits.Add(hit, sample(), std::numbers::inv_pi_v<float> * reflected);
+      for (std::uint32_t i = 0; i < options_.final_gather_rays; ++i)
+        FinalGather(branch, hit, i, random);
     }
-  }
-
-  /// Follows one specular event, chosen at random.
-  void FollowOne(const Branch& branch, const Hit& hit, RandomStream& random) {
-    const float u = random.Uniform(), v = random.Uniform();
-    const auto scattering =
-        SampleScattering(branch.ray, hit, PathFrom::kCamera, u, v, Lobes::kSpecular);
-    if (scattering) Follow(branch, hit, scattering->direction, branch.weight * scattering->weight);
-  }
-
-  void Follow(const Branch& branch, const Hit& hit, const Vec3& direction, const Rgb& weight) {
-    if (branch.specular_hits + 1 > kMaxSpecularHits || !(MaxChannel(weight) > 0)) return;
-    branches_.push_back({LeaveSurface(hit, direction), weight, branch.specular_hits + 1});
-  }
-
-  /// Notes where photons are to be gathered, and adds direct light. A lobe meets area lights when
-  /// it is followed, but point lights only here.
-  void ShadeDiffuse(const Branch& branch, const Hit& hit, RandomStream& random) {
-    if (!ScattersWidely(*hit.material)) return;
-    const Rgb weight =  // radiance per irradiance
-        std::numbers::inv_pi_v<float> * (branch.weight * hit.material->reflectance);
-    batch_.positions.insert(batch_.positions.end(),
-                            {hit.position.x, hit.position.y, hit.position.z});
-    batch_.normals.insert(batch_.normals.end(), {hit.normal.x, hit.normal.y, hit.normal.z});
-    batch_.pixels.push_back(static_cast<std::uint32_t>(batch_.radiance.size() - 1));
-    batch_.weights.push_back(weight);
     if (lights_.empty()) return;
 
     // One shadow ray to each cell of a grid over the lights.
-    const std::uint32_t strata = options_.light_strata;
-    Rgb reflected;
-    for (std::uint32_t i = 0; i < strata * strata; ++i) {
+    const std::uint32_t strata = options_.light_strata, count = shadow_rays();
+    Rgb direct;
+    for (std::uint32_t i = 0; i < count; ++i) {
       const float u =
           (static_cast<float>(i % strata) + random.Uniform()) / static_cast<float>(strata);
       const float v =
           (static_cast<float>(i / strata) + random.Uniform()) / static_cast<float>(strata);
-      const auto light = SampleDirectLight(intersector_, lights_, hit, u, v);
-      if (!light) continue;
-      const Lobes lobes = light->density > 0 ? Lobes::kDiffuse : Lobes::kAll;
-      reflected +=
-          EvaluateScattering(branch.ray, hit, light->direction, lobes).value * light->irradiance;
+      direct += DirectLight(branch.ray, hit, u, v, static_cast<float>(count));
     }
-    batch_.rays += strata * strata;
-    batch_.radiance.back() +=
-        (1 / static_cast<float>(strata * strata)) * (branch.weight * reflected);
+    batch_.rays += count;
+    batch_.radiance.back() += (1 / static_cast<float>(count)) * (branch.weight * direct);
+  }
+
+  /// Radiance back along `ray` by the light point that (u, v) draws, one of `count`. Diffusely
+  /// scattered rays are not followed to lights, lobes are.
+  Rgb DirectLight(const Ray& ray, const Hit& hit, float u, float v, float count) const {
+    const auto light = SampleDirectLight(intersector_, lights_, hit, u, v);
+    if (!light) return {};
+    Rgb scattered = EvaluateScattering(ray, hit, light->direction, Lobes::kDiffuse).value;
+    const ScatterValue lobe = EvaluateScattering(ray, hit, light->direction, Lobes::kSpecular);
+    scattered += BalanceWeight(count * light->density, lobe.density) * lobe.value;
+    return scattered * light->irradiance;
+  }
+
+  /// Sends gather ray `index` out from a diffuse hit and follows it to where photons are looked up.
+  ///
+  /// Light on the diffuse hit is L (S|D)* D S* D, so the ray goes through specular surfaces. What
+  /// it sees of lights is direct light or a caustic, which have their own estimates, unless panes
+  /// alone reflected it there: that light is in the indirect set, and sampled by nothing else here.
+  void FinalGather(const Branch& branch, const Hit& from, std::uint32_t index,
+                   RandomStream& random) {
+    const std::uint32_t rays = options_.final_gather_rays;
+    const std::uint32_t strata = rays * options_.samples_per_pixel;
+    const std::uint32_t stratum = (first_stratum_ + index * options_.samples_per_pixel) % strata;
+    float u = random.Uniform(), v = random.Uniform();
+    const auto place = JitterInPixel(stratum, strata, u, v);
+    auto scattering =
+        SampleScattering(branch.ray, from, PathFrom::kCamera, place[0], place[1], Lobes::kDiffuse);
+    Hit hit = from;
+    Ray ray;
+    Rgb weight = (1 / static_cast<float>(rays)) * branch.weight;
+    const float begin_weight = MaxChannel(weight);
+    float travelled = 0;
+    std::uint32_t near_bounces = 0;
+    bool focussed = false, reflected_by_pane = false;  // since the last diffuse surface
+    for (std::uint32_t surface = 0; scattering && surface < kMaxGatherSurfaces; ++surface) {
+      weight = weight * scattering->weight;
+      const float survival = std::min(1.0f, MaxChannel(weight) / begin_weight);
+      if (surface > 0 && !(random.Uniform() < survival)) return;
+      if (surface > 0) weight = (1 / survival) * weight;
+      ray = LeaveSurface(hit, scattering->direction);
+      ++batch_.rays;
+      const auto met = intersector_.Intersect(ray);
+      if (!met) return;
+      hit = *met;
+      travelled += hit.distance;
+      if (hit.front && reflected_by_pane && !focussed)
+        batch_.radiance.back() += weight * hit.material->emission;
+      Lobes onward = Lobes::kSpecular;
+      if (ScattersWidely(*hit.material)) {
+        const Rgb reflected = std::numbers::inv_pi_v<float> * (weight * hit.material->reflectance);
+        AddDirectAtEnd(ray, hit, weight, random);
+        batch_.gather_caustics.Add(hit, sample(), reflected);
+        if (travelled < options_.final_gather_min_distance && near_bounces < kMaxNearBounces) {
+          ++near_bounces;
+          onward = Lobes::kAll;
+        } else {
+          batch_.final_gather.Add(hit, sample(), reflected);
+        }
+      }
+      u = random.Uniform(), v = random.Uniform();
+      scattering = SampleScattering(ray, hit, PathFrom::kCamera, u, v, onward);
+      if (!scattering || scattering->event == Event::kPassage) continue;
+      if (scattering->event == Event::kDiffuse) {
+        travelled = 0;
+        focussed = reflected_by_pane = false;
+      } else {
+        (MakesCaustics(*hit.material) ? focussed : reflected_by_pane) = true;
+      }
+    }
+  }
+
+  void AddDirectAtEnd(const Ray& ray, const Hit& hit, const Rgb& weight, RandomStream& random) {
+    if (lights_.empty()) return;
+    ++batch_.rays;
+    const float u = random.Uniform(), v = random.Uniform();
+    const auto light = SampleDirectLight(intersector_, lights_, hit, u, v);
+    if (!light) return;
+    const auto scattered = EvaluateScattering(ray, hit, light->direction, Lobes::kDiffuse);
+    batch_.radiance.back() += weight * scattered.value * light->irradiance;
   }
 
   const Intersector& intersector_;
   const Lights& lights_;
   const CameraPassOptions& options_;
   CameraBatch batch_;
-  std::vector<Branch> branches_;
+  Branches branches_;
+  std::uint32_t first_stratum_ = 0;
 };
 
-void Append(CameraBatch& batch, const CameraBatch& more) {
-  const auto append = [](auto& to, const auto& from) {
-    to.insert(to.end(), from.begin(), from.end());
-  };
-  const auto first_pixel = static_cast<std::uint32_t>(batch.radiance.size());
-  for (const std::uint32_t pixel : more.pixels) batch.pixels.push_back(first_pixel + pixel);
-  append(batch.radiance, more.radiance);
-  append(batch.positions, more.positions);
-  append(batch.normals, more.normals);
-  append(batch.weights, more.weights);
-  batch.rays += more.rays;
+template <typename T>
+void AppendAll(std::vector<T>& to, const std::vector<T>& from) {
+  to.insert(to.end(), from.begin(), from.end());
 }
 
 }  // namespace
 
+void GatherPoints::Add(const Hit& hit, std::uint32_t sample, const Rgb& weight) {
+  if (!(MaxChannel(weight) > 0)) return;
+  positions.insert(positions.end(), {hit.position.x, hit.position.y, hit.position.z});
+  normals.insert(normals.end(), {hit.normal.x, hit.normal.y, hit.normal.z});
+  samples.push_back(sample);
+  weights.push_back(weight);
+}
+
+void GatherPoints::Append(const GatherPoints& more, std::uint32_t first_sample) {
+  AppendAll(positions, more.positions);
+  AppendAll(normals, more.normals);
+  for (const std::uint32_t sample : more.samples) samples.push_back(first_sample + sample);
+  AppendAll(weights, more.weights);
+}
+
 CameraBatch TraceCameraBatch(const Intersector& intersector, const Lights& lights,
-                             const CameraRays& camera, int width, std::size_t first,
-                             std::size_t count, const CameraPassOptions& options) {
+                             const CameraRays& camera, const SampleOrder& order,
+                             std::uint64_t first, std::size_t count,
+                             const CameraPassOptions& options) {
   const std::uint32_t samples = options.samples_per_pixel;
-  std::vector<CameraBatch> parts((count + kPixelsPerTask - 1) / kPixelsPerTask);
+  const std::uint32_t strata = samples * std::max(1u, options.final_gather_rays);
+  std::vector<CameraBatch> parts((count + kSamplesPerTask - 1) / kSamplesPerTask);
   tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t part) {
     CameraTask task(intersector, lights, options);
-    const std::size_t part_first = first + part * kPixelsPerTask;
-    const std::size_t part_last = std::min(part_first + kPixelsPerTask, first + count);
-    for (std::size_t pixel = part_first; pixel < part_last; ++pixel) {
-      task.BeginPixel();
-      for (std::uint32_t s = 0; s < samples; ++s) {
-        RandomStream random(options.seed, RandomPurpose::kCameraSample,
-                            std::uint64_t{pixel} * samples + s);
-        const float u = random.Uniform(), v = random.Uniform();
-        const auto [x, y] = JitterInPixel(s, samples, u, v);
-        const Ray ray = camera.Through(static_cast<float>(pixel % width) + x,
-                                       static_cast<float>(pixel / width) + y);
-        task.TraceSample(ray, 1 / static_cast<float>(samples), random);
-      }
+    const std::uint64_t part_first = first + part * kSamplesPerTask;
+    const std::uint64_t part_last = std::min(part_first + kSamplesPerTask, first + count);
+    for (std::uint64_t i = part_first; i < part_last; ++i) {
+      const PixelSample place = order.At(i);
+      RandomStream random(options.seed, RandomPurpose::kCameraSample,
+                          std::uint64_t{place.pixel} * samples + place.sample);
+      const float u = random.Uniform(), v = random.Uniform();
+      const auto [x, y] = JitterInPixel(place.sample, samples, u, v);
+      // The samples of a pixel share the strata of its gather rays among them, from a place drawn
+      // for the pixel, so that each stratum falls to each sample alike.
+      RandomStream shift(options.seed, RandomPurpose::kFinalGather, place.pixel);
+      const auto first_stratum =
+          static_cast<std::uint32_t>(shift.Uniform() * static_cast<float>(strata)) + place.sample;
+      task.TraceSample(
+          camera.Through(static_cast<float>(place.x) + x, static_cast<float>(place.y) + y),
+          first_stratum, random);
     }
-    parts[part] = std::move(task.batch());
+    parts[part] = task.Take();
   });
   CameraBatch batch;
-  for (const CameraBatch& part : parts) Append(batch, part);
+  for (const CameraBatch& part : parts) {
+    const auto first_sample = static_cast<std::uint32_t>(batch.radiance.size());
+    AppendAll(batch.radiance, part.radiance);
+    batch.diffuse_hits.Append(part.diffuse_hits, first_sample);
+    batch.final_gather.Append(part.final_gather, first_sample);
+    batch.gather_caustics.Append(part.gather_caustics, first_sample);
+    batch.rays += part.rays;
+  }
   return batch;
 }
 

@@ -32,6 +32,13 @@ struct ImageError {
   double mean_ratio = 1;  ///< mean of the picture / mean of the reference: 1 where there is no bias
 };
 
+/// What a surface is, beside what it looks like: for denoisers and compositing. Of what a pixel
+/// sees first that is not mirror, glass or pane, mean over its samples, weighted as its light is.
+struct FeatureLayers {
+  Image albedo;   ///< share of light reflected, [0, 1]; what shines is 1; 0 where nothing is seen
+  Image normals;  ///< shading normal in world space, x, y, z as r, g, b; on the viewer's side
+};
+
 /// About what is white in a picture of middle exposure, W / unit^2 / sr.
 inline constexpr float kClip = 1;
 

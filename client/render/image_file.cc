@@ -23,7 +23,6 @@
 namespace treelight::client {
 namespace {
 
-constexpr const char* kChannels[] = {"R", "G", "B"};
 /// Largest side of a picture that is read: a header is not to be trusted with memory.
 constexpr int kMaxSide = 1 << 15;
 
@@ -79,41 +78,56 @@ absl::StatusOr<std::string> EncodePng(const Image& image, const std::string& pat
   return file;
 }
 
-/// The three channels of rows of `Pixel`, which holds three numbers of type `type`.
+/// Adds three channels of rows of `Pixel`, which holds three numbers of type `type`, to `buffer`.
 template <typename Pixel>
-Imf::FrameBuffer MakeFrameBuffer(Imf::PixelType type, Pixel* pixels, int first_x, int first_y,
-                                 int width) {
+void AddSlices(const ExrChannels& channels, Imf::PixelType type, Pixel* pixels,
+               const Imath::Box2i& window, Imf::FrameBuffer& buffer) {
   // Imf addresses pixel (x, y) as base + x * x_stride + y * y_stride, with x and y of the data
   // window.
-  const std::size_t row = sizeof(Pixel) * static_cast<std::size_t>(width);
+  const std::size_t row = sizeof(Pixel) * static_cast<std::size_t>(window.max.x - window.min.x + 1);
   char* const base = reinterpret_cast<char*>(pixels) -
-                     static_cast<std::ptrdiff_t>(sizeof(Pixel)) * first_x -
-                     static_cast<std::ptrdiff_t>(row) * first_y;
-  Imf::FrameBuffer buffer;
+                     static_cast<std::ptrdiff_t>(sizeof(Pixel)) * window.min.x -
+                     static_cast<std::ptrdiff_t>(row) * window.min.y;
   for (std::size_t c = 0; c < 3; ++c) {
-    buffer.insert(kChannels[c], Imf::Slice(type, base + c * sizeof(Pixel) / 3, sizeof(Pixel), row));
+    buffer.insert(channels[c], Imf::Slice(type, base + c * sizeof(Pixel) / 3, sizeof(Pixel), row));
   }
-  return buffer;
 }
 
-absl::StatusOr<std::string> EncodeExr(const Image& image, const std::string& path,
-                                      ExrPixels pixels) {
-  const Imf::PixelType type = pixels == ExrPixels::kHalf ? Imf::HALF : Imf::FLOAT;
-  std::vector<Rgb> floats = image.pixels;
+/// What is written under three names.
+struct ExrLayer {
+  ExrChannels channels;
+  std::vector<Rgb> floats;
   std::vector<std::array<half, 3>> halves;
-  if (pixels == ExrPixels::kHalf) {
-    for (const Rgb& p : floats) halves.push_back({half(p.r), half(p.g), half(p.b)});
+};
+
+absl::StatusOr<std::string> EncodeExr(const Image& image, const std::string& path,
+                                      const ImageFileOptions& options) {
+  const bool halves = options.pixels == ExrPixels::kHalf;
+  const Imf::PixelType type = halves ? Imf::HALF : Imf::FLOAT;
+  std::vector<ExrLayer> layers{{kColorChannels, image.pixels, {}}};
+  if (options.layers != nullptr) {
+    layers.push_back({kAlbedoChannels, options.layers->albedo.pixels, {}});
+    layers.push_back({kNormalChannels, options.layers->normals.pixels, {}});
   }
   try {
     Imf::Header header(image.width, image.height);
     header.compression() = Imf::ZIP_COMPRESSION;
-    for (const char* name : kChannels) header.channels().insert(name, Imf::Channel(type));
+    Imf::FrameBuffer buffer;
+    for (ExrLayer& layer : layers) {
+      if (layer.floats.size() != image.pixels.size())
+        return CannotEncode(path, "a layer has another size than the picture");
+      for (const char* name : layer.channels) header.channels().insert(name, Imf::Channel(type));
+      if (halves) {
+        for (const Rgb& p : layer.floats) layer.halves.push_back({half(p.r), half(p.g), half(p.b)});
+        AddSlices(layer.channels, type, layer.halves.data(), header.dataWindow(), buffer);
+      } else {
+        AddSlices(layer.channels, type, layer.floats.data(), header.dataWindow(), buffer);
+      }
+    }
     StringStream stream(path);
     {
       Imf::OutputFile file(stream, header);
-      file.setFrameBuffer(pixels == ExrPixels::kHalf
-                              ? MakeFrameBuffer(type, halves.data(), 0, 0, image.width)
-                              : MakeFrameBuffer(type, floats.data(), 0, 0, image.width));
+      file.setFrameBuffer(buffer);
       file.writePixels(image.height);
     }  // where the table of lines is written
     return stream.Take();
@@ -136,11 +150,13 @@ bool IsImagePath(const std::string& path) {
   return ending == ".png" || ending == ".exr";
 }
 
+bool IsExrPath(const std::string& path) { return Ending(path) == ".exr"; }
+
 absl::StatusOr<std::string> EncodeImage(const Image& image, const std::string& path,
                                         const ImageFileOptions& options) {
   const std::string ending = Ending(path);
   if (ending == ".png") return EncodePng(image, path, options.exposure);
-  if (ending == ".exr") return EncodeExr(image, path, options.pixels);
+  if (ending == ".exr") return EncodeExr(image, path, options);
   return absl::InvalidArgumentError(fmt::format("{} ends neither in .png nor in .exr", path));
 }
 
@@ -154,7 +170,7 @@ absl::Status WriteImage(const Image& image, const std::string& path,
   return file->Commit();
 }
 
-absl::StatusOr<Image> ReadExr(const std::string& path) {
+absl::StatusOr<Image> ReadExr(const std::string& path, const ExrChannels& channels) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) {
     return absl::NotFoundError(fmt::format("there is no file {}", path));
@@ -168,18 +184,20 @@ absl::StatusOr<Image> ReadExr(const std::string& path) {
       return absl::InvalidArgumentError(
           fmt::format("{}: {} x {} pixels; at most {} a side", path, width, height, kMaxSide));
     }
-    for (const char* name : kChannels) {
+    for (const char* name : channels) {
       if (file.header().channels().findChannel(name) == nullptr) {
         return absl::InvalidArgumentError(fmt::format("{}: there is no channel {}", path, name));
       }
     }
     Image image(static_cast<int>(width), static_cast<int>(height));
-    file.setFrameBuffer(
-        MakeFrameBuffer(Imf::FLOAT, image.pixels.data(), window.min.x, window.min.y, image.width));
+    Imf::FrameBuffer buffer;
+    AddSlices(channels, Imf::FLOAT, image.pixels.data(), window, buffer);
+    file.setFrameBuffer(buffer);
     file.readPixels(window.min.y, window.max.y);
     return image;
   } catch (const std::exception& damage) {
-    return absl::InvalidArgumentError(fmt::format("{}: {}", path, damage.what()));
+    return absl::InvalidArgumentError(
+        fmt::format("{} is no EXR, or damaged: {}", path, damage.what()));
   }
 }
 

@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_CLIENT_RENDER_IMAGE_FILE_H_
 #define TREELIGHT_CLIENT_RENDER_IMAGE_FILE_H_
 
+#include <array>
 #include <cstdint>
 #include <string>
 
@@ -24,10 +25,22 @@ enum class ExrPixels {
 struct ImageFileOptions {
   float exposure = 1;  ///< PNG: stops; linear values are multiplied with 2^exposure
   ExrPixels pixels = ExrPixels::kHalf;  ///< EXR
+  /// EXR: null, or layers of the size of the picture, stored as channels albedo.R, albedo.G,
+  /// albedo.B, normal.X, normal.Y, normal.Z.
+  const FeatureLayers* layers = nullptr;
 };
+
+/// Names of three channels of an EXR.
+using ExrChannels = std::array<const char*, 3>;
+inline constexpr ExrChannels kColorChannels = {"R", "G", "B"};
+inline constexpr ExrChannels kAlbedoChannels = {"albedo.R", "albedo.G", "albedo.B"};
+inline constexpr ExrChannels kNormalChannels = {"normal.X", "normal.Y", "normal.Z"};
 
 /// Whether EncodeImage knows the ending of `path`.
 bool IsImagePath(const std::string& path);
+
+/// Whether EncodeImage makes an EXR for `path`.
+bool IsExrPath(const std::string& path);
 
 /// The bytes of an 8-bit sRGB PNG or a linear EXR (ZIP), as the ending of `path` says; no file is
 /// touched. INVALID_ARGUMENT: another ending. INTERNAL: the encoder failed; the message says why.
@@ -38,9 +51,10 @@ absl::StatusOr<std::string> EncodeImage(const Image& image, const std::string& p
 absl::Status WriteImage(const Image& image, const std::string& path,
                         const ImageFileOptions& options = {});
 
-/// Reads channels R, G, B of an EXR. NOT_FOUND: there is no such file. INVALID_ARGUMENT: it is
-/// damaged or has no such channels; the message names the file.
-absl::StatusOr<Image> ReadExr(const std::string& path);
+/// Reads three channels of an EXR. NOT_FOUND: there is no such file. INVALID_ARGUMENT: it is
+/// damaged, no EXR, or has no such channels; the message names the file.
+absl::StatusOr<Image> ReadExr(const std::string& path,
+                              const ExrChannels& channels = kColorChannels);
 
 }  // namespace treelight::client
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <vector>
 
 #include "client/render/camera_rays.h"
@@ -23,6 +24,31 @@ struct PixelSums {
   double even[3] = {}, odd[3] = {};
   std::uint64_t rays = 0;
 };
+
+Image MeanImage(const std::vector<PixelSums>& sums, std::uint32_t samples,
+                const PathTraceOptions& options) {
+  Image image(options.width, options.height);
+  for (std::size_t i = 0; i < sums.size(); ++i) {
+    const auto mean = [&](int c) {
+      return static_cast<float>((sums[i].even[c] + sums[i].odd[c]) / samples);
+    };
+    image.pixels[i] = {mean(0), mean(1), mean(2)};
+  }
+  return image;
+}
+
+/// PathTracedImage::noise after `samples` > 1.
+double EstimateNoise(const std::vector<PixelSums>& sums, std::uint32_t samples) {
+  const double even_count = (samples + 1) / 2, odd_count = samples / 2;
+  double squares = 0;
+  for (const PixelSums& pixel : sums) {
+    for (int c = 0; c < 3; ++c) {
+      const double half_difference = (pixel.even[c] / even_count - pixel.odd[c] / odd_count) / 2;
+      squares += half_difference * half_difference;
+    }
+  }
+  return std::sqrt(squares / (3.0 * static_cast<double>(sums.size())));
+}
 
 }  // namespace
 
@@ -72,6 +98,26 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
   }
 }
 
+std::optional<std::string> MissingFromReference(const Scene& scene) {
+  if (scene.point_lights.empty()) return std::nullopt;
+  const auto is_specular = [&scene](std::uint32_t material) {
+    const Surface surface = scene.materials[material].surface;
+    return surface == Surface::kMirror || surface == Surface::kDielectric ||
+           surface == Surface::kPane;
+  };
+  std::set<std::string> names;
+  for (const std::uint32_t material : scene.mesh.materials)
+    if (is_specular(material)) names.insert(scene.materials[material].name);
+  for (const Sphere& sphere : scene.spheres)
+    if (is_specular(sphere.material)) names.insert(scene.materials[sphere.material].name);
+  if (names.empty()) return std::nullopt;
+  return fmt::format("the light of {} by way of {}",
+                     scene.point_lights.size() == 1
+                         ? std::string("the point light")
+                         : fmt::format("{} point lights", scene.point_lights.size()),
+                     fmt::join(names, ", "));
+}
+
 absl::StatusOr<PathTracedImage> PathTrace(const Intersector& intersector,
                                           const PathTraceOptions& options) {
   if (options.width <= 0 || options.height <= 0) {
@@ -82,21 +128,32 @@ absl::StatusOr<PathTracedImage> PathTrace(const Intersector& intersector,
   if (samples < 2) {
     return absl::InvalidArgumentError(fmt::format("{} samples per pixel; at least 2", samples));
   }
-  PathTracedImage result{.image = Image(options.width, options.height)};
   const CameraRays camera(intersector.scene().camera, options.width, options.height);
   const Lights lights(intersector.scene());
-  const std::size_t pixel_count = result.image.pixels.size();
-  std::vector<PixelSums> sums(pixel_count);
+  std::vector<PixelSums> sums(std::size_t(options.width) * std::size_t(options.height));
+  PreviewClock preview(options.preview);
+  // Where the end is not known, each pass covers the pixel evenly, and two passes cover it evenly
+  // with even and with odd samples, which tell the noise.
+  const bool open_end = options.target_noise > 0;
+  const auto place = [&](std::uint32_t s, float u, float v) {
+    return open_end
+               ? JitterInPixel((s + s / kSamplesPerPass) % kSamplesPerPass, kSamplesPerPass, u, v)
+               : JitterInPixel(s, samples, u, v);
+  };
 
-  for (std::uint32_t first = 0; first < samples; first += kSamplesPerPass) {
-    const std::uint32_t last = std::min(samples, first + kSamplesPerPass);
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, pixel_count, 64), [&](const auto& range) {
+  PathTracedImage result;
+  for (std::uint32_t first = 0; first < samples; first = result.samples_per_pixel) {
+    // Short passes at the beginning, for the preview.
+    const std::uint32_t pass =
+        first < kSamplesPerPass ? std::max(1u, first) : kSamplesPerPass - first % kSamplesPerPass;
+    const std::uint32_t last = std::min(samples, first + pass);
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, sums.size(), 64), [&](const auto& range) {
       for (std::size_t i = range.begin(); i < range.end(); ++i) {
         for (std::uint32_t s = first; s < last; ++s) {
           RandomStream random(options.seed, RandomPurpose::kReferencePath,
                               std::uint64_t{i} * samples + s);
           const float u = random.Uniform(), v = random.Uniform();
-          const auto [x, y] = JitterInPixel(s, samples, u, v);
+          const auto [x, y] = place(s, u, v);
           const PathSample path =
               TracePath(intersector, lights,
                         camera.Through(static_cast<float>(i % options.width) + x,
@@ -108,23 +165,17 @@ absl::StatusOr<PathTracedImage> PathTrace(const Intersector& intersector,
         }
       }
     });
-    if (options.progress) options.progress(std::uint64_t{pixel_count} * last);
-  }
-
-  const double even_count = (samples + 1) / 2, odd_count = samples / 2;
-  double squares = 0;
-  for (std::size_t i = 0; i < pixel_count; ++i) {
-    float* const channels[] = {&result.image.pixels[i].r, &result.image.pixels[i].g,
-                               &result.image.pixels[i].b};
-    for (int c = 0; c < 3; ++c) {
-      *channels[c] = static_cast<float>((sums[i].even[c] + sums[i].odd[c]) / samples);
-      const double half_difference =
-          (sums[i].even[c] / even_count - sums[i].odd[c] / odd_count) / 2;
-      squares += half_difference * half_difference;
+    result.samples_per_pixel = last;
+    if (options.progress) options.progress(std::uint64_t{sums.size()} * last);
+    preview.Update([&] { return MeanImage(sums, last, options); });
+    if (open_end && last % kSamplesPerPass == 0 &&
+        EstimateNoise(sums, last) <= options.target_noise) {
+      break;
     }
-    result.rays += sums[i].rays;
   }
-  result.noise = std::sqrt(squares / (3.0 * static_cast<double>(pixel_count)));
+  result.image = MeanImage(sums, result.samples_per_pixel, options);
+  result.noise = EstimateNoise(sums, result.samples_per_pixel);
+  for (const PixelSums& pixel : sums) result.rays += pixel.rays;
   return result;
 }
 

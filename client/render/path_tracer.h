@@ -3,9 +3,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "client/render/image.h"
+#include "client/render/progressive_image.h"
 #include "client/trace/intersector.h"
 #include "client/trace/lights.h"
 #include "client/trace/random.h"
@@ -30,9 +33,12 @@ struct PathTraceOptions {
   int width = 512, height = 512;         ///< pixels, > 0
   std::uint32_t samples_per_pixel = 64;  ///< > 1
   std::uint64_t seed = 1;                ///< of all random numbers
+  /// Ends before samples_per_pixel once the noise is no more than this, W / unit^2 / sr; 0: never.
+  double target_noise = 0;
   /// Called now and then with the samples done, of width * height * samples_per_pixel, on the
   /// calling thread.
   std::function<void(std::uint64_t samples)> progress{};
+  PreviewOptions preview{};
 };
 
 /// A path-traced picture, and how good it is.
@@ -41,11 +47,18 @@ struct PathTracedImage {
   /// Estimated standard error of a channel of a pixel, root mean square over the picture: half the
   /// difference between the means of the even and of the odd samples.
   double noise = 0;
-  std::uint64_t rays = 0;  ///< shot, shadow rays included
+  std::uint32_t samples_per_pixel = 0;  ///< taken
+  std::uint64_t rays = 0;               ///< shot, shadow rays included
 };
 
+/// What a path tracer cannot see of a scene, for a person: the light that comes from point lights
+/// by way of mirrors, glass or panes, which no path from the camera meets and no shadow ray
+/// reaches. Nothing: the reference is complete.
+std::optional<std::string> MissingFromReference(const Scene& scene);
+
 /// Path-traces the scene of `intersector` as its camera sees it: the reference for every other
-/// renderer. The same picture for any number of threads. INVALID_ARGUMENT: an option out of range.
+/// renderer, but for what MissingFromReference says. The same picture for any number of threads.
+/// INVALID_ARGUMENT: an option out of range.
 absl::StatusOr<PathTracedImage> PathTrace(const Intersector& intersector,
                                           const PathTraceOptions& options);
 

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <deque>
 #include <numeric>
-#include <span>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "fmt/format.h"
@@ -14,74 +13,50 @@
 namespace treelight::client {
 namespace {
 
-constexpr std::size_t kSamplesPerBatch = 32768;  // of the camera
-constexpr std::size_t kQueriesPerMessage = 65536;
+constexpr std::size_t kRaysPerBatch = 65536;  // of the camera, and to gather from
+constexpr std::size_t kMinSamplesPerBatch = 1024;
+constexpr std::size_t kMaxOpenSamples = 1 << 22;
+/// Gather rays at the diffuse hits of one pixel, at most: their strata are counted in float.
+constexpr std::uint64_t kMaxStrata = 1 << 24;
+constexpr std::size_t kMaxQueriesPerMessage = 131072;
+constexpr std::uint64_t kBytesPerQuery = 24;
+constexpr std::uint64_t kRestOfMessage = 65536;  // bytes, all but the queries
 
-/// Runs `work` and adds the seconds that it took to `seconds`.
-template <typename Work>
-auto Timed(double& seconds, Work work) {
-  const auto begin = std::chrono::steady_clock::now();
-  auto result = work();
-  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  return result;
-}
-
-/// The gathers of one map: camera batches go in, irradiances come out in the same order.
-class MapGather {
+/// Samples of the camera whose light is not all there yet, in the order in which they were traced.
+class OpenSamples {
  public:
-  MapGather(PhotonMapClient& client, const MapRef& map, const EstimateOptions& estimate)
-      : pipeline_(client, map,
-                  {.k = estimate.k, .radius = estimate.radius, .outputs = kOutputDensity}) {}
-
-  absl::Status Send(const CameraBatch& batch) {
-    const std::span<const float> positions(batch.positions), normals(batch.normals);
-    for (std::size_t first = 0; first < batch.size(); first += kQueriesPerMessage) {
-      const std::size_t count = std::min(kQueriesPerMessage, batch.size() - first);
-      const auto status = pipeline_.Send({.positions = positions.subspan(3 * first, 3 * count),
-                                          .normals = normals.subspan(3 * first, 3 * count),
-                                          .radii = {}});
-      if (!status.ok()) return status;
-    }
-    // The sample, at even distances over all batches.
-    for (; next_sample_ < cost_.queries + batch.size(); next_sample_ += kSampleStride) {
-      const auto position = positions.subspan(3 * (next_sample_ - cost_.queries), 3);
-      cost_.sample.insert(cost_.sample.end(), position.begin(), position.end());
-    }
-    cost_.queries += batch.size();
-    return absl::OkStatus();
+  void Append(const std::vector<Rgb>& radiance) {
+    radiance_.insert(radiance_.end(), radiance.begin(), radiance.end());
   }
 
-  /// Waits for the answer to the oldest batch, and adds it to the pixels, of which `pixels` is the
-  /// first.
-  absl::Status Receive(const CameraBatch& batch, Rgb* pixels) {
-    for (std::size_t first = 0; first < batch.size(); first += kQueriesPerMessage) {
-      const auto answer = pipeline_.Receive();
-      if (!answer.ok()) return answer.status();
-      cost_.kernel_us += answer->timings.kernel_us();
-      const std::vector<float>& densities = answer->result.densities;
-      for (std::size_t i = 0; 3 * i < densities.size(); ++i) {
-        pixels[batch.pixels[first + i]] +=
-            batch.weights[first + i] *
-            Rgb{densities[3 * i], densities[3 * i + 1], densities[3 * i + 2]};
-      }
+  void Add(std::uint64_t sample, const Rgb& radiance) { radiance_[sample - first_] += radiance; }
+
+  /// Moves the samples before `last` into `image`.
+  void Complete(std::uint64_t last, const SampleOrder& order, ProgressiveImage& image) {
+    for (; first_ < last && !radiance_.empty(); ++first_) {
+      image.Add(order.At(first_).pixel, radiance_.front());
+      radiance_.pop_front();
     }
-    return absl::OkStatus();
   }
 
-  const GatherCost& cost() const { return cost_; }
+  std::uint64_t first() const { return first_; }
+  std::size_t size() const { return radiance_.size(); }
 
  private:
-  GatherPipeline pipeline_;
-  GatherCost cost_;
-  std::uint64_t next_sample_ = 0;
+  std::uint64_t first_ = 0;
+  std::deque<Rgb> radiance_;
 };
 
-/// A camera batch on its way: its first pixel and, as long as the server works on it, what it
-/// asked.
-struct Pending {
-  std::size_t first_pixel = 0;
-  CameraBatch batch;
-};
+/// Queries that the server takes in one message.
+absl::StatusOr<std::size_t> QueriesPerMessage(PhotonMapClient& client) {
+  const auto info = client.GetServerInfo();
+  if (!info.ok()) return info.status();
+  const std::uint64_t bytes = info->limits().max_message_bytes();
+  const std::uint64_t that_fit =
+      bytes > kRestOfMessage ? (bytes - kRestOfMessage) / kBytesPerQuery : 1;
+  return std::clamp<std::uint64_t>(std::min<std::uint64_t>(info->limits().max_queries(), that_fit),
+                                   1, kMaxQueriesPerMessage);
+}
 
 absl::Status CheckEstimate(std::string_view name, const EstimateOptions& estimate) {
   if (estimate.k > kMaxNeighbors) {
@@ -103,60 +78,105 @@ absl::Status CheckOptions(const PhotonRenderOptions& options) {
   if (options.camera.samples_per_pixel == 0)
     return absl::InvalidArgumentError("samples_per_pixel is 0");
   if (options.camera.light_strata == 0) return absl::InvalidArgumentError("light_strata is 0");
+  if (std::uint64_t{options.camera.samples_per_pixel} * options.camera.final_gather_rays >
+      kMaxStrata) {
+    return absl::InvalidArgumentError(fmt::format(
+        "{} samples per pixel with {} gather rays each are over {} rays per pixel",
+        options.camera.samples_per_pixel, options.camera.final_gather_rays, kMaxStrata));
+  }
+  if (!(options.camera.final_gather_min_distance >= 0)) {
+    return absl::InvalidArgumentError(
+        fmt::format("final_gather_min_distance is {}", options.camera.final_gather_min_distance));
+  }
   if (const auto status = CheckEstimate("indirect", options.indirect); !status.ok()) return status;
   return CheckEstimate("caustic", options.caustic);
 }
 
 }  // namespace
 
+double PhotonRenderedImage::device_s() const {
+  return 1e-6 *
+         (indirect.kernel_us + indirect.transfer_us + caustic.kernel_us + caustic.transfer_us);
+}
+
+double PhotonRenderedImage::overlap() const {
+  return device_s() > 0 ? std::max(0.0, 1 - wait_s() / device_s()) : 0;
+}
+
 absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersector,
                                                      PhotonMapClient& client,
                                                      const PhotonMaps& maps,
                                                      const PhotonRenderOptions& options) {
   if (const auto status = CheckOptions(options); !status.ok()) return status;
-  PhotonRenderedImage result{.image = Image(options.width, options.height)};
+  const auto max_queries = QueriesPerMessage(client);
+  if (!max_queries.ok()) return max_queries.status();
+  PhotonRenderedImage result;
   const CameraRays camera(intersector.scene().camera, options.width, options.height);
   const Lights lights(intersector.scene());
+  const SampleOrder order(options.width, options.height, options.camera.samples_per_pixel);
+  ProgressiveImage image(options.width, options.height);
+  PreviewClock preview(options.preview);
+  OpenSamples open;
+  const auto sink = [&open](std::uint64_t sample, const Rgb& radiance) {
+    open.Add(sample, radiance);
+  };
   std::optional<MapGather> indirect, caustic;
-  if (maps.indirect) indirect.emplace(client, *maps.indirect, options.indirect);
-  if (maps.caustic) caustic.emplace(client, *maps.caustic, options.caustic);
-  std::vector<Rgb>& pixels = result.image.pixels;
+  if (maps.indirect) indirect.emplace(client, *maps.indirect, options.indirect, *max_queries, sink);
+  if (maps.caustic) caustic.emplace(client, *maps.caustic, options.caustic, *max_queries, sink);
 
-  const auto send = [&](const CameraBatch& batch) {
+  const auto add = [&](const CameraBatch& batch, std::uint64_t first) {
     absl::Status status;
-    if (indirect) status.Update(indirect->Send(batch));
-    if (caustic) status.Update(caustic->Send(batch));
+    const bool final_gather = options.camera.final_gather_rays > 0;
+    if (indirect)
+      status.Update(indirect->Add(final_gather ? batch.final_gather : batch.diffuse_hits, first));
+    if (caustic && status.ok()) status.Update(caustic->Add(batch.diffuse_hits, first));
+    if (caustic && status.ok()) status.Update(caustic->Add(batch.gather_caustics, first));
     return status;
   };
-  const auto receive = [&](const Pending& pending) {
+  const auto flush = [&] {
     absl::Status status;
-    Rgb* const first = pixels.data() + pending.first_pixel;
-    if (indirect) status.Update(indirect->Receive(pending.batch, first));
-    if (caustic && status.ok()) status.Update(caustic->Receive(pending.batch, first));
-    if (options.progress) options.progress(pending.first_pixel + pending.batch.radiance.size());
+    if (indirect) status.Update(indirect->Flush());
+    if (caustic && status.ok()) status.Update(caustic->Flush());
     return status;
   };
+  const auto show = [&](std::uint64_t traced) {
+    if (indirect) traced = std::min(traced, indirect->answered_until());
+    if (caustic) traced = std::min(traced, caustic->answered_until());
+    open.Complete(traced, order, image);
+    if (options.progress) options.progress(open.first());
+    if (open.first() >= order.first_picture()) preview.Update([&image] { return image.Mean(); });
+  };
 
-  // Trace a batch and send it, then take the answer to the one before.
-  const std::size_t batch_pixels =
-      std::max<std::size_t>(1, kSamplesPerBatch / options.camera.samples_per_pixel);
-  std::optional<Pending> sent;
-  for (std::size_t first = 0; first < pixels.size(); first += batch_pixels) {
-    const std::size_t count = std::min(batch_pixels, pixels.size() - first);
-    Pending traced{first, Timed(result.camera_s, [&] {
-                     return TraceCameraBatch(intersector, lights, camera, options.width, first,
-                                             count, options.camera);
-                   })};
-    result.rays += traced.batch.rays;
-    std::ranges::copy(traced.batch.radiance, pixels.begin() + static_cast<std::ptrdiff_t>(first));
-    auto status = Timed(result.wait_s, [&] { return send(traced.batch); });
-    if (status.ok() && sent) status = Timed(result.wait_s, [&] { return receive(*sent); });
-    if (!status.ok()) return status;
-    sent = std::move(traced);
+  const std::size_t batch_size = std::max<std::size_t>(
+      kMinSamplesPerBatch, kRaysPerBatch / (1 + options.camera.final_gather_rays));
+  for (std::uint64_t first = 0; first < order.size(); first += batch_size) {
+    const std::size_t count = std::min<std::uint64_t>(batch_size, order.size() - first);
+    const auto begin = std::chrono::steady_clock::now();
+    const CameraBatch batch =
+        TraceCameraBatch(intersector, lights, camera, order, first, count, options.camera);
+    result.camera_s +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result.rays += batch.rays;
+    open.Append(batch.radiance);
+    if (const auto status = add(batch, first); !status.ok()) return status;
+    show(first + count);
+    // Where few samples ask for photons, messages fill slowly.
+    if (open.size() > kMaxOpenSamples) {
+      if (const auto status = flush(); !status.ok()) return status;
+    }
   }
-  if (const auto status = Timed(result.wait_s, [&] { return receive(*sent); }); !status.ok())
-    return status;
+  if (const auto status = flush(); !status.ok()) return status;
+  for (auto* gather : {&indirect, &caustic}) {
+    while (*gather) {
+      const auto more = (*gather)->Finish();
+      if (!more.ok()) return more.status();
+      if (!*more) break;
+      show(order.size());
+    }
+  }
+  show(order.size());
 
+  result.image = image.Mean();
   if (indirect) result.indirect = indirect->cost();
   if (caustic) result.caustic = caustic->cost();
   return result;

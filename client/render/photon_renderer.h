@@ -10,15 +10,11 @@
 #include "client/photon_map_client.h"
 #include "client/render/camera_pass.h"
 #include "client/render/image.h"
+#include "client/render/map_gather.h"
+#include "client/render/progressive_image.h"
 #include "client/trace/intersector.h"
 
 namespace treelight::client {
-
-/// Density estimate from one map: the k nearest photons within a radius, Epanechnikov kernel.
-struct EstimateOptions {
-  std::uint32_t k = 0;  ///< 0: all within the radius
-  float radius = 0;     ///< scene units, > 0, finite
-};
 
 /// What RenderPhotonMaps renders, and how finely.
 struct PhotonRenderOptions {
@@ -26,23 +22,15 @@ struct PhotonRenderOptions {
   CameraPassOptions camera{};
   EstimateOptions indirect{.k = 100, .radius = 0.1f};
   EstimateOptions caustic{.k = 60, .radius = 0.05f};  ///< smaller: caustics have sharp edges
-  /// Called after each batch with the pixels done, on the calling thread.
-  std::function<void(std::uint64_t pixels)> progress{};
+  /// Called now and then with the samples done, of width * height * samples_per_pixel, on the
+  /// calling thread.
+  std::function<void(std::uint64_t samples)> progress{};
+  PreviewOptions preview{};
 };
 
 /// Maps that TracedPhotons became; a set without photons has none.
 struct PhotonMaps {
   std::optional<MapRef> indirect{}, caustic{};
-};
-
-/// One query in so many is in GatherCost::sample.
-inline constexpr std::size_t kSampleStride = 64;
-
-/// What gathers from one map cost.
-struct GatherCost {
-  std::uint64_t queries = 0;
-  double kernel_us = 0;         ///< on the server's device
-  std::vector<float> sample{};  ///< [3n] positions of every kSampleStride-th query
 };
 
 /// What a gather does in the tree of a map, mean over some queries.
@@ -56,14 +44,21 @@ struct PhotonRenderedImage {
   Image image;
   std::uint64_t rays = 0;  ///< camera and shadow rays
   double camera_s = 0;     ///< spent tracing them; the server gathers meanwhile
-  double wait_s = 0;       ///< spent waiting for the server
   GatherCost indirect{}, caustic{};
+
+  /// Spent waiting for the server.
+  double wait_s() const { return indirect.wait_s + caustic.wait_s; }
+  /// That the server's device was busy with gathers, transfers included.
+  double device_s() const;
+  /// Share of device_s, [0, 1], that has surely passed while the client did not wait for it.
+  double overlap() const;
 };
 
-/// Renders by photon mapping (Jensen 2001, chapters 7 to 9; indirect light straight from the map,
-/// without final gathering): direct light by shadow rays, indirect light and caustics as densities
-/// gathered from the server times reflectance / pi. While the server answers one batch of pixels
-/// the next is traced. Blocks. INVALID_ARGUMENT: an option out of range. Else the errors of
+/// Renders by photon mapping (Jensen 2001, chapters 7 to 9): direct light by shadow rays, caustics
+/// as densities gathered from the server times reflectance / pi, indirect light likewise, or by
+/// final gathering where options.camera says so. While the server answers, the next samples are
+/// traced; what is on its way is bounded. The same picture for any number of threads, with or
+/// without preview. Blocks. INVALID_ARGUMENT: an option out of range. Else the errors of
 /// PhotonMapClient.
 absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersector,
                                                      PhotonMapClient& client,

@@ -19,6 +19,8 @@ enum class RandomPurpose : std::uint32_t {
   kCausticPath,
   kImagePath,
   kImageChoice,
+  kFinalGather,
+  kFeatures,
 };
 
 /// The random numbers of one path. They depend on seed, purpose and index alone, so paths may be

@@ -1,0 +1,169 @@
+#include "client/commands/render_options.h"
+
+#include <algorithm>
+#include <map>
+
+#include "client/commands/check.h"
+#include "client/render/image_file.h"
+#include "fmt/format.h"
+
+namespace treelight::client {
+namespace {
+
+const std::map<std::string, DensityKernel> kKernelNames = {
+    {"constant", DensityKernel::kConstant},
+    {"cone", DensityKernel::kCone},
+    {"epanechnikov", DensityKernel::kEpanechnikov}};
+
+std::string CheckImagePath(const std::string& path) {
+  return IsImagePath(path) ? "" : path + " ends neither in .png nor in .exr";
+}
+
+void AddEstimateOptions(CLI::App& command, const std::string& prefix, const std::string& what,
+                        EstimateOptions& estimate) {
+  command
+      .add_option("--" + prefix + "k", estimate.k,
+                  "Photons at most in an estimate of " + what + "; 0: all within the radius")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, kMaxNeighbors));
+  command.add_option("--" + prefix + "radius", estimate.radius, "Its largest radius, scene units")
+      ->capture_default_str()
+      ->check(NumberIn(1e-6, 1e6));
+  command
+      .add_option_function<std::string>(
+          "--" + prefix + "kernel",
+          [&estimate](const std::string& name) { estimate.kernel = kKernelNames.at(name); },
+          "Its weight of a photon by distance")
+      ->default_str("epanechnikov")
+      ->check(CLI::IsMember(kKernelNames));
+}
+
+void AddPictureOptions(CLI::App& command, RenderChoice& choice) {
+  command.add_option("--width", choice.render.width, "Pixels")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 14));
+  command.add_option("--height", choice.render.height, "Pixels")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 14));
+  command
+      .add_option("--spp", choice.samples_per_pixel,
+                  fmt::format("Samples per pixel (default: {}; {} with --reference)",
+                              choice.render.camera.samples_per_pixel, kReferenceSamples))
+      ->check(CLI::Range(1, 1 << 20));
+  command.add_option("--seed", choice.seed, "Of all random numbers")
+      ->capture_default_str()
+      ->check(WithoutSign());
+}
+
+void AddOutputOptions(CLI::App& command, RenderChoice& choice) {
+  command
+      .add_option("--output", choice.output_paths,
+                  "Picture, .png (sRGB) or .exr (linear); may be given more than once")
+      ->default_str("SCENE.png")
+      ->check(CheckImagePath);
+  command.add_option("--exposure", choice.exposure, "Of PNGs, stops (default: the scene's)")
+      ->check(NumberIn(-100, 100));
+  command.add_flag(
+      "--layers", choice.layers,
+      "EXRs also get albedo.R, G, B and normal.X, Y, Z of the first surface that is no "
+      "mirror, glass or pane");
+  command
+      .add_option("--preview", choice.preview_path,
+                  "The picture as it is so far, .png or .exr, rewritten while it is rendered")
+      ->check(CheckImagePath);
+  command.add_option("--preview-every", choice.preview_interval_s, "Seconds between two of them")
+      ->capture_default_str()
+      ->check(NumberIn(0, 1e6));
+  command.add_option("--compare", choice.compare_path,
+                     "EXR of the same size, to tell the error against");
+}
+
+void AddReferenceOptions(CLI::App& command, RenderChoice& choice) {
+  auto* const reference =
+      command.add_flag("--reference", choice.reference, "Path-trace instead: needs no server");
+  command
+      .add_option("--noise", choice.target_noise,
+                  "With --reference: end before --spp when the noise (standard error of a channel "
+                  "of a pixel, root mean square) is no more than this")
+      ->needs(reference)
+      ->check(NumberIn(0, 1e6));
+  command
+      .add_flag("--allow-incomplete", choice.allow_incomplete,
+                "With --reference: leave out light of point lights by way of mirrors and glass, "
+                "which cannot be path-traced, rather than refuse the scene")
+      ->needs(reference);
+}
+
+void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
+  command.add_option("--photons", choice.photon_count, "Photons of the indirect map; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
+  command
+      .add_option("--caustic-photons", choice.caustic_photon_count,
+                  "Photons of the caustic map, where there is something specular; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
+  AddEstimateOptions(command, "", "indirect light", choice.render.indirect);
+  AddEstimateOptions(command, "caustic-", "caustics", choice.render.caustic);
+  command
+      .add_option("--final-gather", choice.render.camera.final_gather_rays,
+                  "Rays from each diffuse hit to look indirect light up where they end; 0: it is "
+                  "looked up at the hit itself")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, 4096u));
+  command
+      .add_option("--map-name", choice.map_name,
+                  "The maps are NAME.indirect and NAME.caustic (default: the scene's name)")
+      ->check(ServerName());
+  command.add_flag(
+      "--keep-map", choice.keep_maps,
+      fmt::format("Leave the maps on the server; else they are deleted at the end, and "
+                  "by the server after {} h where that fails",
+                  kTimeToLive.count()));
+}
+
+}  // namespace
+
+PhotonRenderOptions RenderChoice::photon_options() const {
+  PhotonRenderOptions options = render;
+  options.camera.samples_per_pixel = samples_per_pixel.value_or(options.camera.samples_per_pixel);
+  options.camera.seed = seed;
+  // Where photons are gathered from, the estimate is blurred by its radius: corners need their
+  // light from further away.
+  options.camera.final_gather_min_distance = options.indirect.radius;
+  return options;
+}
+
+PathTraceOptions RenderChoice::reference_options() const {
+  return {.width = render.width,
+          .height = render.height,
+          .samples_per_pixel = samples_per_pixel.value_or(kReferenceSamples),
+          .seed = seed,
+          .target_noise = target_noise};
+}
+
+void AddRenderOptions(CLI::App& command, RenderChoice& choice) {
+  AddSceneOptions(command, choice.scene);
+  AddPictureOptions(command, choice);
+  AddOutputOptions(command, choice);
+  AddReferenceOptions(command, choice);
+  AddPhotonOptions(command, choice);
+}
+
+void CheckRenderOptions(RenderChoice& choice) {
+  if (choice.reference && choice.samples_per_pixel == 1u) {
+    throw CLI::ValidationError("--spp", "a reference needs at least 2, to tell its noise");
+  }
+  auto& paths = choice.output_paths;
+  if (paths.empty()) paths = {SceneName(choice.scene.scene) + ".png"};
+  for (auto path = paths.begin(); path != paths.end(); ++path) {
+    if (std::find(paths.begin(), path, *path) != path)
+      throw CLI::ValidationError("--output", *path + " is given twice");
+  }
+  if (std::ranges::find(paths, choice.preview_path) != paths.end())
+    throw CLI::ValidationError("--preview", choice.preview_path + " is an --output too");
+  if (choice.layers && !std::ranges::any_of(paths, IsExrPath))
+    throw CLI::ValidationError("--layers", "needs an --output that ends in .exr");
+}
+
+}  // namespace treelight::client

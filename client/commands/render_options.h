@@ -1,0 +1,56 @@
+#ifndef TREELIGHT_CLIENT_COMMANDS_RENDER_OPTIONS_H_
+#define TREELIGHT_CLIENT_COMMANDS_RENDER_OPTIONS_H_
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "CLI/CLI.hpp"
+#include "client/commands/scene_option.h"
+#include "client/render/path_tracer.h"
+#include "client/render/photon_renderer.h"
+
+namespace treelight::client {
+
+/// Maps outlive a renderer that was killed by no more than this.
+inline constexpr std::chrono::hours kTimeToLive{24};
+
+/// Samples per pixel of a reference where nothing is said.
+inline constexpr std::uint32_t kReferenceSamples = 256;
+
+/// What the command line of `render` says.
+struct RenderChoice {
+  SceneChoice scene;
+  std::uint64_t photon_count = 1'000'000, caustic_photon_count = 200'000, seed = 1;
+  std::optional<std::uint32_t> samples_per_pixel;
+  PhotonRenderOptions render;  ///< samples, seed and callbacks are set by the functions below
+  std::string map_name;        ///< empty: the scene's name
+  bool keep_maps = false;
+
+  bool reference = false;         ///< path-trace instead
+  bool allow_incomplete = false;  ///< even where MissingFromReference says something
+  double target_noise = 0;        ///< PathTraceOptions
+
+  std::vector<std::string> output_paths;  ///< not empty once the command line is checked
+  std::optional<float> exposure;          ///< stops; nothing: the scene's
+  bool layers = false;                    ///< albedo and normals into EXR files
+  std::string preview_path;               ///< empty: no preview
+  double preview_interval_s = 2;
+  std::string compare_path;  ///< empty: no comparison
+
+  PhotonRenderOptions photon_options() const;  ///< for RenderPhotonMaps
+  PathTraceOptions reference_options() const;  ///< for PathTrace
+};
+
+/// Adds the options of `render` to `command`. They are parsed to `choice`, which must outlive the
+/// parsing.
+void AddRenderOptions(CLI::App& command, RenderChoice& choice);
+
+/// Completes what was parsed, and throws CLI::ValidationError where options do not go together.
+void CheckRenderOptions(RenderChoice& choice);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_COMMANDS_RENDER_OPTIONS_H_
