@@ -81,7 +81,8 @@ struct GatherResult {
 /// Time of one stage of a build.
 struct StageTime {
   std::string stage;  ///< "upload", "bounds", "morton", "sort", "levels", "ties", "leaves",
-                      ///< "permute", "hierarchy", "statistics"
+                      ///< "permute", "hierarchy", "wide" (on devices with sub-groups),
+                      ///< "statistics"
   double microseconds = 0;
 };
 

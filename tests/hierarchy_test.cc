@@ -62,7 +62,7 @@ TEST(HierarchyTest, WorkedExampleOfKarras) {
                                      0b10011, 0b11000, 0b11001, 0b11110};
   std::vector<cl_uint> codes;
   for (const cl_uint key : keys) codes.push_back(key << 25);
-  const Buffer<cl_uchar> levels(TestGpu().context(), 7);
+  const Buffer<cl_uchar> levels(TestGpu().memory(), 7);
   ComputeSplitLevels(TestGpu(), Upload(codes), 8, levels);
   EXPECT_EQ(levels.Read(TestGpu().queue()), (std::vector<cl_uchar>{3, 2, 4, 0, 1, 4, 2}));
 

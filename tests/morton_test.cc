@@ -14,7 +14,7 @@ template <typename Key>
 void CheckCodes(const std::vector<float>& positions, const MortonGrid& grid, int bits_per_axis,
                 const std::string& what) {
   const std::size_t count = positions.size() / 3;
-  KeyValues<Key> codes(TestGpu().context(), count);
+  KeyValues<Key> codes(TestGpu().memory(), count);
   ComputeMortonCodes(TestGpu(), Upload(positions), count, grid, codes);
   const auto keys = codes.keys.Read(TestGpu().queue());
   const auto values = codes.values.Read(TestGpu().queue());

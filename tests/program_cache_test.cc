@@ -23,7 +23,7 @@ class ProgramCacheTest : public testing::Test {
                     testing::UnitTest::GetInstance()->current_test_info()->name())) {}
   ~ProgramCacheTest() override { std::filesystem::remove_all(directory_); }
 
-  ProgramCache Open() const { return {TestGpu().context(), Device(), directory_}; }
+  ProgramCache Open() const { return {TestGpu().memory(), Device(), directory_}; }
   static cl::Device Device() { return TestGpu().queue().getInfo<CL_QUEUE_DEVICE>(); }
 
   std::filesystem::path OnlyFile() const {
@@ -38,7 +38,7 @@ class ProgramCacheTest : public testing::Test {
   }
 
   static cl_uint Run(const cl::Program& program) {
-    const Buffer<cl_uint> out(TestGpu().context(), 1);
+    const Buffer<cl_uint> out(TestGpu().memory(), 1);
     Launch(TestGpu(), program, "fill", 1, 1, out.get());
     return out.Read(TestGpu().queue())[0];
   }
@@ -94,7 +94,7 @@ TEST_F(ProgramCacheTest, ADamagedFileIsAMiss) {
 
 TEST_F(ProgramCacheTest, AFolderThatCannotBeMadeCostsOnlyTime) {
   for (const char* folder : {"/proc/none", ""}) {
-    ProgramCache cache(TestGpu().context(), Device(), folder);
+    ProgramCache cache(TestGpu().memory(), Device(), folder);
     EXPECT_EQ(Run(cache.Get(kSource, "-DVALUE=7")), 7u);
   }
 }

@@ -15,7 +15,7 @@ template <typename Key>
 void CheckSort(const std::vector<Key>& keys, unsigned bits) {
   std::vector<cl_uint> values(keys.size());
   std::iota(values.begin(), values.end(), 0u);
-  KeyValues<Key> pairs(TestGpu().context(), keys.size());
+  KeyValues<Key> pairs(TestGpu().memory(), keys.size());
   pairs.keys.Write(TestGpu().queue(), keys);
   pairs.values.Write(TestGpu().queue(), values);
   RadixSort(TestGpu(), pairs, keys.size(), bits);

@@ -13,7 +13,7 @@ namespace {
 template <typename Key>
 void CheckLevels(const std::vector<std::uint64_t>& codes, int code_bits) {
   const std::size_t boundary_count = codes.empty() ? 0 : codes.size() - 1;
-  const Buffer<cl_uchar> levels(TestGpu().context(), boundary_count);
+  const Buffer<cl_uchar> levels(TestGpu().memory(), boundary_count);
   ComputeSplitLevels(TestGpu(), Upload(std::vector<Key>(codes.begin(), codes.end())), codes.size(),
                      levels);
   ASSERT_EQ(levels.Read(TestGpu().queue()), reference::SplitLevels(codes, code_bits))

@@ -21,7 +21,7 @@ Builder& TestBuilder();
 /// A buffer of `values` on the test device.
 template <typename T>
 Buffer<T> Upload(const std::vector<T>& values) {
-  return MakeBuffer<T>(TestGpu().context(), TestGpu().queue(), values);
+  return MakeBuffer<T>(TestGpu().memory(), TestGpu().queue(), values);
 }
 
 /// Sizes around the edges of work-groups and tiles, and a large prime.

@@ -2,9 +2,11 @@
 #define TREELIGHT_CORE_DEVICE_BUFFER_H_
 
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "core/device/buffer_pool.h"
 #include "core/device/opencl.h"
 
 namespace treelight {
@@ -18,42 +20,41 @@ class Buffer {
   Buffer() = default;
 
   /// Contents are undefined.
-  Buffer(const cl::Context& context, std::size_t size)
-      : memory_(context, CL_MEM_READ_WRITE, (size > 0 ? size : 1) * sizeof(T)), size_(size) {}
+  Buffer(BufferPool& pool, std::size_t size)
+      : memory_(pool.Take((size > 0 ? size : 1) * sizeof(T))), size_(size) {}
 
   std::size_t size() const { return size_; }
   std::size_t bytes() const { return size_ * sizeof(T); }
-  const cl::Buffer& get() const { return memory_; }
+  const cl::Buffer& get() const { return *memory_; }
 
   /// Copies `values` to the front of the buffer; waits for `queue`.
   void Write(const cl::CommandQueue& queue, std::span<const T> values) const {
     if (!values.empty())
-      queue.enqueueWriteBuffer(memory_, CL_TRUE, 0, values.size_bytes(), values.data());
+      queue.enqueueWriteBuffer(*memory_, CL_TRUE, 0, values.size_bytes(), values.data());
   }
 
   /// Copies the first `count` elements to the host; waits for `queue`.
   std::vector<T> Read(const cl::CommandQueue& queue, std::size_t count) const {
     std::vector<T> values(count);
-    if (count > 0) queue.enqueueReadBuffer(memory_, CL_TRUE, 0, count * sizeof(T), values.data());
+    if (count > 0) queue.enqueueReadBuffer(*memory_, CL_TRUE, 0, count * sizeof(T), values.data());
     return values;
   }
   std::vector<T> Read(const cl::CommandQueue& queue) const { return Read(queue, size_); }
 
   /// Sets every element to `value`; does not wait.
   void Fill(const cl::CommandQueue& queue, T value) const {
-    if (size_ > 0) queue.enqueueFillBuffer(memory_, value, 0, bytes());
+    if (size_ > 0) queue.enqueueFillBuffer(*memory_, value, 0, bytes());
   }
 
  private:
-  cl::Buffer memory_;  // the bindings own and release it
+  std::shared_ptr<const cl::Buffer> memory_;
   std::size_t size_ = 0;
 };
 
 /// A buffer that holds `values`.
 template <typename T>
-Buffer<T> MakeBuffer(const cl::Context& context, const cl::CommandQueue& queue,
-                     std::span<const T> values) {
-  Buffer<T> buffer(context, values.size());
+Buffer<T> MakeBuffer(BufferPool& pool, const cl::CommandQueue& queue, std::span<const T> values) {
+  Buffer<T> buffer(pool, values.size());
   buffer.Write(queue, values);
   return buffer;
 }

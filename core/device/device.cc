@@ -14,6 +14,9 @@
 namespace treelight {
 namespace {
 
+/// The part of the device's memory that is kept when it is released.
+constexpr std::uint64_t kKeptShare = 16;
+
 struct FoundDevice {
   cl::Device device;
   DeviceInfo info;
@@ -124,6 +127,24 @@ std::string LanguageOption(const cl::Context& context, const cl::Device& device,
   }
 }
 
+/// Whether the device's compiler takes the PTX of sub_group.cl (redux: compute capability 8.0).
+bool HasPtx(const cl::Context& context, const cl::Device& device) {
+  if (!absl::StrContains(device.getInfo<CL_DEVICE_VENDOR>(), "NVIDIA")) return false;
+  const cl::Program probe(
+      context,
+      "kernel void probe(global uint* a) {"
+      "  uint sum;"
+      "  asm volatile(\"redux.sync.add.u32 %0, %1, 0xffffffff;\" : \"=r\"(sum) : \"r\"(a[0]));"
+      "  a[0] = sum;"
+      "}");
+  try {
+    probe.build({device}, "-cl-std=CL3.0");
+    return true;
+  } catch (const cl::Error&) {
+    return false;
+  }
+}
+
 }  // namespace
 
 std::vector<DeviceInfo> ListDevices() {
@@ -147,6 +168,7 @@ Device::Device(cl::Device device, DeviceInfo info, const DeviceOptions& options)
       info_(std::move(info)),
       context_(device_),
       queue_(context_, device_, CL_QUEUE_PROFILING_ENABLE),
+      memory_(std::make_shared<BufferPool>(context_, info_.memory_bytes / kKeptShare)),
       programs_(context_, device_, CacheDirectory(options)),
       build_options_(LanguageOption(context_, device_, info_)),
       local_memory_bytes_(device_.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>()) {
@@ -158,6 +180,7 @@ Device::Device(cl::Device device, DeviceInfo info, const DeviceOptions& options)
         info_.name)));
   }
   build_options_ += " -cl-fp32-correctly-rounded-divide-sqrt";
+  has_sub_groups_ = HasPtx(context_, device_);
 }
 
 cl::Program Device::Program(const std::vector<std::string_view>& files,

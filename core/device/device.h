@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/builder.h"
+#include "core/device/buffer_pool.h"
 #include "core/device/opencl.h"
 #include "core/device/program_cache.h"
 
@@ -23,13 +24,15 @@ class Device {
   static std::shared_ptr<Device> Open(const DeviceOptions& options);
 
   const DeviceInfo& info() const { return info_; }
-  const cl::Context& context() const { return context_; }
+  BufferPool& memory() { return *memory_; }
   cl::CommandQueue& queue() { return queue_; }
   std::mutex& mutex() { return mutex_; }
   ProgramCache& programs() { return programs_; }
 
   bool is_cpu() const { return info_.type == "cpu"; }
   std::uint64_t local_memory_bytes() const { return local_memory_bytes_; }
+  /// Whether kernels may use sub_group.cl.
+  bool has_sub_groups() const { return has_sub_groups_; }
 
   /// The program of the embedded `files`, types.h and common.cl before them, built with the
   /// device's options and `defines` ("-DKEY_BITS=32").
@@ -42,10 +45,12 @@ class Device {
   DeviceInfo info_;
   cl::Context context_;
   cl::CommandQueue queue_;
+  std::shared_ptr<BufferPool> memory_;
   std::mutex mutex_;
   ProgramCache programs_;
   std::string build_options_;
   std::uint64_t local_memory_bytes_ = 0;
+  bool has_sub_groups_ = false;
 };
 
 }  // namespace treelight

@@ -14,13 +14,32 @@ Gpu OpenGpu(const DeviceOptions& options) {
   gpu.stages = device.Program({"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl",
                                "leaves.cl", "hierarchy.cl", "statistics.cl"},
                               group);
-  gpu.sort_32 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=32");
-  gpu.sort_64 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=64");
+  if (device.has_sub_groups()) {
+    const std::string tile = fmt::format("-DSWEEP_SUB_GROUPS={}", kSweepGroupSize / kSubGroupSize);
+    const auto sort = [&](int key_bits, std::size_t items) {
+      return device.Program(
+          {"sub_group.cl", "radix_sort_onesweep.cl"},
+          fmt::format("{} -DSWEEP_ITEMS={} -DKEY_BITS={}", tile, items, key_bits));
+    };
+    gpu.sort_32 = sort(32, kSweepItems<cl_uint>);
+    gpu.sort_64 = sort(64, kSweepItems<cl_ulong>);
+  } else {
+    gpu.sort_32 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=32");
+    gpu.sort_64 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=64");
+  }
   gpu.gather = device.Program({"traverse.cl", "heap.cl", "gather_nearest.cl", "gather_range.cl"},
                               "-DHEAP_SPACE=local");
   gpu.gather_global =
       device.Program({"traverse.cl", "heap.cl", "gather_nearest.cl", "gather_list.cl"},
                      "-DHEAP_SPACE=global -DHEAPS_GLOBAL=1");
+  if (!device.has_sub_groups()) return gpu;
+  const std::string sub_groups =
+      fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kWideQueries, kSubGroupsPerGroup);
+  gpu.wide_tree = device.Program({"sub_group.cl", "wide_tree.cl"}, sub_groups);
+  for (std::size_t i = 0; i < kListRows.size(); ++i) {
+    gpu.gather_wide[i] = device.Program({"traverse.cl", "sub_group.cl", "gather_wide.cl"},
+                                        fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));
+  }
   return gpu;
 }
 

@@ -1,7 +1,9 @@
 #ifndef TREELIGHT_CORE_GPU_GPU_H_
 #define TREELIGHT_CORE_GPU_GPU_H_
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <type_traits>
 
@@ -16,6 +18,23 @@ inline constexpr std::size_t kGroupSize = 256;
 /// Consecutive items of one work-item; the kernels' SCAN_ITEMS, SORT_ITEMS and TIE_ITEMS.
 inline constexpr std::size_t kScanItems = 8, kSortItems = 8, kTieItems = 16;
 
+/// Work-items of a sub-group; the kernels' SUB_GROUP_SIZE.
+inline constexpr std::size_t kSubGroupSize = 32;
+
+/// Sub-groups of a work-group: not one, since the number of groups at once is limited too.
+inline constexpr std::size_t kSubGroupsPerGroup = 2;
+
+/// Lists of gather_wide in local memory: places / 32, and the largest k that they can hold.
+inline constexpr std::array<std::uint32_t, 2> kListRows = {4, 6}, kListK = {64, 128};
+
+/// Queries of one sub-group of gather_wide.
+inline constexpr std::size_t kWideQueries = 4;
+
+/// Work-items of a work-group of the one-sweep sort, and pairs of one of them.
+inline constexpr std::size_t kSweepGroupSize = 384;
+template <typename Key>
+inline constexpr std::size_t kSweepItems = sizeof(Key) == 4 ? 16 : 8;
+
 /// A device with the compiled kernels of all stages. Cheap to copy.
 struct Gpu {
   std::shared_ptr<Device> device;
@@ -24,8 +43,10 @@ struct Gpu {
   cl::Program sort_64;  ///< radix_sort of 64-bit keys
   cl::Program gather;   ///< gather_nearest with heaps in local memory, gather_range
   cl::Program gather_global;  ///< gather_nearest with heaps in global memory, gather_list
+  cl::Program wide_tree;      ///< where there are sub-groups
+  std::array<cl::Program, kListRows.size()> gather_wide;  ///< likewise; by length of the lists
 
-  const cl::Context& context() const { return device->context(); }
+  BufferPool& memory() const { return device->memory(); }
   cl::CommandQueue& queue() const { return device->queue(); }
 };
 

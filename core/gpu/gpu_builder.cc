@@ -51,12 +51,12 @@ struct SortedPhotons {
 template <typename Key>
 SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
                           const MortonGrid& grid, unsigned code_bits, StageTimer& timer) {
-  KeyValues<Key> codes(gpu.context(), count);
+  KeyValues<Key> codes(gpu.memory(), count);
   ComputeMortonCodes(gpu, positions, count, grid, codes);
   timer.Mark("morton");
   RadixSort(gpu, codes, count, code_bits);
   timer.Mark("sort");
-  Buffer<cl_uchar> levels(gpu.context(), count - 1);
+  Buffer<cl_uchar> levels(gpu.memory(), count - 1);
   ComputeSplitLevels(gpu, codes.keys, count, levels);
   timer.Mark("levels");
   return {std::move(codes.values), std::move(levels)};
@@ -64,6 +64,7 @@ SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::s
 
 struct MeasuredTree {
   DeviceTree tree;
+  DeviceWideTree wide;
   TreeStatistics statistics;
 };
 
@@ -85,10 +86,16 @@ MeasuredTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size
   ThrowIfCancelled(cancelled);
   DeviceTree tree = BuildHierarchy(gpu, sorted.levels, leaves, std::move(photons));
   timer.Mark("hierarchy");
+  DeviceWideTree wide;
+  if (gpu.device->has_sub_groups()) {
+    wide = BuildWideTree(gpu, tree, leaves);
+    timer.Mark("wide");
+  }
+  tree.block_flags = {};
   const TreeStatistics statistics = SumStatistics(gpu, tree, leaves.leaf_count);
   tree.climbs = {};
   timer.Mark("statistics");
-  return {std::move(tree), statistics};
+  return {std::move(tree), std::move(wide), statistics};
 }
 
 class GpuBuilder : public Builder {
@@ -122,27 +129,28 @@ class GpuBuilder : public Builder {
     map.report.device = gpu_.device->info().name;
 
     StageTimer timer(gpu_.queue());
-    const auto positions = MakeBuffer<float>(gpu_.context(), gpu_.queue(), photons.positions);
-    map.powers = MakeBuffer<float>(gpu_.context(), gpu_.queue(), photons.powers);
-    map.directions = MakeBuffer<cl_short>(gpu_.context(), gpu_.queue(), photons.directions);
+    const auto positions = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.positions);
+    map.powers = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.powers);
+    map.directions = MakeBuffer<cl_short>(gpu_.memory(), gpu_.queue(), photons.directions);
     timer.Mark("upload");
     const Box bounds = ComputeBounds(gpu_, positions, count);
     timer.Mark("bounds");
     map.grid = MakeMortonGrid(bounds, 10);
     if (count > 0) {
-      auto [tree, statistics] =
+      auto [tree, wide, statistics] =
           BuildTree(gpu_, positions, count, bounds, options, cancelled, timer);
       map.tree = std::move(tree);
+      map.wide = std::move(wide);
       map.report.tree = statistics;
     } else {
-      map.tree.nodes = Buffer<Node>(gpu_.context(), 0);
-      map.tree.min_ids = Buffer<cl_uint>(gpu_.context(), 0);
-      map.tree.photons = Buffer<LeafPhoton>(gpu_.context(), 0);
+      map.tree.nodes = Buffer<Node>(gpu_.memory(), 0);
+      map.tree.min_ids = Buffer<cl_uint>(gpu_.memory(), 0);
+      map.tree.photons = Buffer<LeafPhoton>(gpu_.memory(), 0);
     }
     map.report.stages = timer.Finish();
     map.report.device_bytes = map.tree.nodes.bytes() + map.tree.min_ids.bytes() +
-                              map.tree.photons.bytes() + map.powers.bytes() +
-                              map.directions.bytes();
+                              map.tree.photons.bytes() + map.wide.boxes.bytes() +
+                              map.powers.bytes() + map.directions.bytes();
     return map;
   }
 

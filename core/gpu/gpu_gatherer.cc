@@ -18,10 +18,12 @@ namespace treelight {
 namespace {
 
 // Queries of one launch at most.
-constexpr std::size_t kQueriesPerLaunchGpu = 1 << 18;
+constexpr std::size_t kQueriesPerLaunchGpu = 1 << 20;
 constexpr std::size_t kQueriesPerLaunchCpu = 1 << 14;
 // From this many queries on, sorting them pays.
 constexpr std::size_t kSortedQueries = 4096;
+// From this k on, sub-groups are faster than a heap for each work-item.
+constexpr std::uint32_t kMinWideK = 9;
 // Space for heaps in global memory, where k is too large for local memory.
 constexpr std::size_t kGlobalHeapBytes = std::size_t{256} << 20;
 
@@ -79,10 +81,19 @@ class GpuGatherer : public Gatherer {
   GatherParams MakeParams(const GatherQueries& queries, const GatherOptions& options) const;
   void GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
                      const CancelCheck& cancelled) const;
+  void GatherWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                  const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                    const CancelCheck& cancelled) const;
   NeighborLists GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
                             const GatherOptions& options, const CancelCheck& cancelled) const;
+
+  /// Sub-groups pay where the list of candidates is long, but fits local memory. They do not count
+  /// what they visit.
+  bool UsesWideTree(const GatherOptions& options) const {
+    return map_.wide.shape.level_count > 0 && options.k >= kMinWideK &&
+           options.k <= kListK.back() && (options.outputs & kOutputStatistics) == 0;
+  }
 
   std::size_t QueriesPerLaunch() const {
     return map_.gpu.device->is_cpu() ? kQueriesPerLaunchCpu : kQueriesPerLaunchGpu;
@@ -112,17 +123,17 @@ BatchBuffers GpuGatherer::Upload(const GatherQueries& queries, const GatherOptio
   const std::size_t m = queries.size();
   const auto wants = [&](std::uint32_t output) { return (options.outputs & output) != 0; };
   BatchBuffers batch;
-  batch.positions = MakeBuffer(gpu.context(), gpu.queue(), queries.positions);
-  batch.radii_in = MakeBuffer(gpu.context(), gpu.queue(), queries.radii);
-  batch.normals = MakeBuffer(gpu.context(), gpu.queue(), queries.normals);
+  batch.positions = MakeBuffer(gpu.memory(), gpu.queue(), queries.positions);
+  batch.radii_in = MakeBuffer(gpu.memory(), gpu.queue(), queries.radii);
+  batch.normals = MakeBuffer(gpu.memory(), gpu.queue(), queries.normals);
   const bool lists = wants(kOutputNeighbors) && options.k == 0;
-  batch.counts = Buffer<cl_uint>(gpu.context(), wants(kOutputCount) || lists ? m : 0);
-  batch.radii = Buffer<float>(gpu.context(), wants(kOutputRadius) ? m : 0);
-  batch.densities = Buffer<float>(gpu.context(), wants(kOutputDensity) ? 3 * m : 0);
-  batch.neighbor_ids = Buffer<cl_uint>(gpu.context(), wants(kOutputNeighbors) ? m * options.k : 0);
-  batch.neighbor_d2 = Buffer<float>(gpu.context(), wants(kOutputNeighbors) ? m * options.k : 0);
-  batch.visited = Buffer<cl_uint>(gpu.context(), wants(kOutputStatistics) ? m : 0);
-  batch.tested = Buffer<cl_uint>(gpu.context(), wants(kOutputStatistics) ? m : 0);
+  batch.counts = Buffer<cl_uint>(gpu.memory(), wants(kOutputCount) || lists ? m : 0);
+  batch.radii = Buffer<float>(gpu.memory(), wants(kOutputRadius) ? m : 0);
+  batch.densities = Buffer<float>(gpu.memory(), wants(kOutputDensity) ? 3 * m : 0);
+  batch.neighbor_ids = Buffer<cl_uint>(gpu.memory(), wants(kOutputNeighbors) ? m * options.k : 0);
+  batch.neighbor_d2 = Buffer<float>(gpu.memory(), wants(kOutputNeighbors) ? m * options.k : 0);
+  batch.visited = Buffer<cl_uint>(gpu.memory(), wants(kOutputStatistics) ? m : 0);
+  batch.tested = Buffer<cl_uint>(gpu.memory(), wants(kOutputStatistics) ? m : 0);
   return batch;
 }
 
@@ -151,14 +162,16 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
 
   GatherParams params = MakeParams(queries, options);
   if (params.has_order != 0) {
-    KeyValues<cl_uint> codes(gpu.context(), m);
+    KeyValues<cl_uint> codes(gpu.memory(), m);
     ComputeMortonCodes(gpu, batch.positions, m, map_.grid, codes);
     RadixSort(gpu, codes, m, 30);
     batch.order = std::move(codes.values);
   } else {
-    batch.order = Buffer<cl_uint>(gpu.context(), 0);
+    batch.order = Buffer<cl_uint>(gpu.memory(), 0);
   }
-  if (options.k > 0) {
+  if (UsesWideTree(options)) {
+    GatherWide(batch, params, m, cancelled);
+  } else if (options.k > 0) {
     GatherNearest(batch, params, m, cancelled);
   } else if ((options.outputs & kOutputNeighbors) != 0) {
     NeighborLists lists = GatherLists(batch, params, m, options, cancelled);
@@ -215,8 +228,27 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
   if (fits) {
     launch(gpu.gather, cl::Local(local_bytes));
   } else {
-    launch(gpu.gather_global, Buffer<cl_ulong>(gpu.context(), per_launch * params.k).get());
+    launch(gpu.gather_global, Buffer<cl_ulong>(gpu.memory(), per_launch * params.k).get());
   }
+}
+
+void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                             const CancelCheck& cancelled) const {
+  const Gpu& gpu = map_.gpu;
+  const std::size_t variant =
+      std::lower_bound(kListK.begin(), kListK.end(), params.k) - kListK.begin();
+  PacedLaunches(gpu, count, QueriesPerLaunch(), cancelled,
+                [&](std::size_t first, std::size_t part) {
+                  params.first = static_cast<cl_uint>(first);
+                  params.count = static_cast<cl_uint>(part);
+                  Launch(gpu, gpu.gather_wide[variant], "gather_wide",
+                         (part + kWideQueries - 1) / kWideQueries * kSubGroupSize,
+                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
+                         map_.tree.photons.get(), map_.powers.get(), map_.directions.get(),
+                         batch.positions.get(), batch.order.get(), batch.radii_in.get(),
+                         batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
+                         batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get());
+                });
 }
 
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -258,8 +290,8 @@ NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams p
                     count, total, gpu.device->info().max_buffer_bytes / sizeof(cl_ulong))));
   }
   const std::vector<cl_ulong> firsts(lists.offsets.begin(), lists.offsets.end());
-  const auto offsets = MakeBuffer<cl_ulong>(gpu.context(), gpu.queue(), firsts);
-  const Buffer<cl_ulong> candidates(gpu.context(), total);
+  const auto offsets = MakeBuffer<cl_ulong>(gpu.memory(), gpu.queue(), firsts);
+  const Buffer<cl_ulong> candidates(gpu.memory(), total);
   PacedLaunches(
       gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
         params.first = static_cast<cl_uint>(first);

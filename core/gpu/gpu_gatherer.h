@@ -7,6 +7,7 @@
 #include "core/gatherer.h"
 #include "core/gpu/gpu.h"
 #include "core/gpu/hierarchy.h"
+#include "core/gpu/wide_tree.h"
 
 namespace treelight {
 
@@ -14,6 +15,7 @@ namespace treelight {
 struct DeviceMap {
   Gpu gpu;
   DeviceTree tree;
+  DeviceWideTree wide;
   Buffer<float> powers;         ///< [3n] or empty, in order of photon index, W
   Buffer<cl_short> directions;  ///< [2n] or empty, in order of photon index, octahedral
   MortonGrid grid{};            ///< of the 30-bit codes: queries are worked on in its order

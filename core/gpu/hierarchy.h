@@ -17,6 +17,7 @@ struct DeviceTree {
   Buffer<LeafPhoton> photons;  ///< [n]
   Buffer<cl_ulong>
       climbs;  ///< [leaf_count] for the statistics of the build; may be dropped after them
+  Buffer<cl_uint> block_flags;  ///< [leaf_count + 1] for BuildWideTree, which uses them up
 };
 
 /// Builds the tree over `leaves` of `photons` in leaf order, at least one, from the split levels

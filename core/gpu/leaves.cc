@@ -7,14 +7,14 @@ namespace treelight {
 Leaves FindLeaves(const Gpu& gpu, const Buffer<cl_uchar>& levels, std::size_t count,
                   std::uint32_t max_leaf_size) {
   const auto n = static_cast<cl_uint>(count);
-  const Buffer<cl_uint> places(gpu.context(), count + 1);
+  const Buffer<cl_uint> places(gpu.memory(), count + 1);
   Launch(gpu, gpu.stages, "leaf_flags", count + 1, kGroupSize, levels.get(), n, max_leaf_size,
          places.get());
   ExclusiveScan(gpu, places, count + 1);
   cl_uint leaf_count = 0;
   gpu.queue().enqueueReadBuffer(places.get(), CL_TRUE, count * sizeof leaf_count, sizeof leaf_count,
                                 &leaf_count);
-  Leaves leaves{leaf_count, Buffer<cl_uint>(gpu.context(), leaf_count + std::size_t{1})};
+  Leaves leaves{leaf_count, Buffer<cl_uint>(gpu.memory(), leaf_count + std::size_t{1})};
   Launch(gpu, gpu.stages, "leaf_firsts", count + 1, kGroupSize, places.get(), n,
          leaves.firsts.get());
   return leaves;
@@ -22,7 +22,7 @@ Leaves FindLeaves(const Gpu& gpu, const Buffer<cl_uchar>& levels, std::size_t co
 
 Buffer<LeafPhoton> PermutePhotons(const Gpu& gpu, const Buffer<float>& positions,
                                   const Buffer<cl_uint>& ids, std::size_t count) {
-  Buffer<LeafPhoton> photons(gpu.context(), count);
+  Buffer<LeafPhoton> photons(gpu.memory(), count);
   Launch(gpu, gpu.stages, "leaf_photons", count, kGroupSize, positions.get(), ids.get(),
          static_cast<cl_uint>(count), photons.get());
   return photons;

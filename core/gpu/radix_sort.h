@@ -9,15 +9,15 @@ namespace treelight {
 /// Pairs of a key and a value; Key is cl_uint or cl_ulong. Both buffers have the same size.
 template <typename Key>
 struct KeyValues {
-  KeyValues(const cl::Context& context, std::size_t count)
-      : keys(context, count), values(context, count) {}
+  KeyValues(BufferPool& pool, std::size_t count)
+      : keys(pool, count), values(pool, count) {}
   Buffer<Key> keys;
   Buffer<cl_uint> values;
 };
 
 /// Sorts the first `count` pairs by the lowest `key_bits` of their keys, ascending and stable
-/// (radix_sort.cl). The buffers of `pairs` may be exchanged for others of the same size. Does not
-/// wait.
+/// (radix_sort.cl, or radix_sort_onesweep.cl where there are sub-groups). At most 2^30 pairs. The
+/// buffers of `pairs` may be exchanged for others of the same size. Does not wait.
 template <typename Key>
 void RadixSort(const Gpu& gpu, KeyValues<Key>& pairs, std::size_t count, unsigned key_bits);
 

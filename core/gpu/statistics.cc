@@ -19,8 +19,8 @@ TreeStatistics SumStatistics(const Gpu& gpu, const DeviceTree& tree, std::size_t
   const double scale = longest > 0 ? std::min(1 / longest, 0x1p100) : 0;  // in the range of float
   constexpr std::size_t kGroupCount =
       64;  // the same on every device, so that the sums have the same bits
-  const Buffer<float> areas(gpu.context(), kGroupCount);
-  const Buffer<cl_ulong> depths(gpu.context(), kGroupCount);
+  const Buffer<float> areas(gpu.memory(), kGroupCount);
+  const Buffer<cl_ulong> depths(gpu.memory(), kGroupCount);
   Launch(gpu, gpu.stages, "tree_sums", kGroupCount * kGroupSize, kGroupSize, tree.nodes.get(),
          static_cast<cl_uint>(leaf_count - 1), static_cast<float>(scale), tree.climbs.get(),
          areas.get(), depths.get());

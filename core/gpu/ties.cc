@@ -31,7 +31,7 @@ TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_
                       const Buffer<cl_uchar>& levels) {
   TiedRuns tied;
   const auto n = static_cast<cl_uint>(count);
-  const Buffer<cl_uint> places(gpu.context(), count + 1), any(gpu.context(), 1);
+  const Buffer<cl_uint> places(gpu.memory(), count + 1), any(gpu.memory(), 1);
   any.Fill(gpu.queue(), 0);
   Launch(gpu, gpu.stages, "tie_flags", count + 1, kGroupSize, levels.get(), n, max_leaf_size,
          places.get(), any.get());
@@ -40,8 +40,8 @@ TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_
   // List the photons and number their runs.
   ExclusiveScan(gpu, places, count + 1);
   tied.count = ReadOne(gpu, places, count);
-  tied.slots = Buffer<cl_uint>(gpu.context(), tied.count);
-  tied.runs = Buffer<cl_uint>(gpu.context(), tied.count + 1);
+  tied.slots = Buffer<cl_uint>(gpu.memory(), tied.count);
+  tied.runs = Buffer<cl_uint>(gpu.memory(), tied.count + 1);
   Launch(gpu, gpu.stages, "tie_slots", count, kGroupSize, levels.get(), n, places.get(),
          tied.slots.get(), tied.runs.get());
   ExclusiveScan(gpu, tied.runs, tied.count + 1);
@@ -49,8 +49,8 @@ TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_
 
   // Compute the box of each run.
   const auto m = static_cast<cl_uint>(tied.count);
-  tied.run_firsts = Buffer<cl_uint>(gpu.context(), tied.run_count + 1);
-  tied.boxes = Buffer<cl_uint>(gpu.context(), 6 * tied.run_count);
+  tied.run_firsts = Buffer<cl_uint>(gpu.memory(), tied.run_count + 1);
+  tied.boxes = Buffer<cl_uint>(gpu.memory(), 6 * tied.run_count);
   Launch(gpu, gpu.stages, "tie_runs", tied.count, kGroupSize, tied.runs.get(), m,
          tied.run_firsts.get(), tied.boxes.get());
   Launch(gpu, gpu.stages, "tie_boxes", (tied.count + kTieItems - 1) / kTieItems, kGroupSize,
@@ -63,7 +63,7 @@ TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_
 void SplitByCodes(const Gpu& gpu, const Buffer<float>& positions, const TiedRuns& tied,
                   unsigned base, const Buffer<cl_uint>& ids, const Buffer<cl_uchar>& levels) {
   const auto m = static_cast<cl_uint>(tied.count);
-  KeyValues<cl_ulong> pairs(gpu.context(), tied.count);
+  KeyValues<cl_ulong> pairs(gpu.memory(), tied.count);
   Launch(gpu, gpu.stages, "tie_codes", tied.count, kGroupSize, positions.get(), ids.get(),
          tied.slots.get(), tied.runs.get(), m, tied.boxes.get(), pairs.keys.get(),
          pairs.values.get());
@@ -78,7 +78,7 @@ void SplitByMedians(const Gpu& gpu, const Buffer<float>& positions, const TiedRu
                     unsigned level, std::uint32_t max_leaf_size, const Buffer<cl_uint>& ids,
                     const Buffer<cl_uchar>& levels) {
   const auto m = static_cast<cl_uint>(tied.count);
-  KeyValues<cl_ulong> pairs(gpu.context(), tied.count);
+  KeyValues<cl_ulong> pairs(gpu.memory(), tied.count);
   Launch(gpu, gpu.stages, "tie_coordinates", tied.count, kGroupSize, positions.get(), ids.get(),
          tied.slots.get(), tied.runs.get(), m, tied.boxes.get(), pairs.keys.get(),
          pairs.values.get());

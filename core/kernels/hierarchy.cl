@@ -31,11 +31,14 @@ uint fenced_exchange(volatile global uint* meeting, const uint value) {
 /// @param heights   [2 * (leaf_count - 1)] out: edges from each left, right child to the deepest
 /// leaf below it
 /// @param climbs    [leaf_count] out: leaves below each node that this leaf's item finished, summed
+/// @param block_flags  [leaf_count + 1] out: 1 where a block of the wide tree begins, else 0; the
+/// last is 0
 /// @param root      [1] out
 kernel void hierarchy(global const uchar* restrict levels, global const uint* restrict firsts,
                       const uint leaf_count, global const LeafPhoton* restrict photons,
                       volatile global Meeting* meetings, global Node* nodes, global uint* min_ids,
-                      global uchar* heights, global ulong* climbs, global Root* root) {
+                      global uchar* heights, global ulong* climbs, global uint* block_flags,
+                      global Root* root) {
   uint a = get_global_id(0), b = a;  // leaves of the subtree
   if (a >= leaf_count) return;
   uint link = kLeafBit | firsts[a];
@@ -49,6 +52,9 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
     high = fmax(high, photon.xyz);
     min_id = min(min_id, as_uint(photon.w));
   }
+  // Cleared before the item meets another, set by whom it meets later.
+  block_flags[a] = 0;
+  if (a == 0) block_flags[leaf_count] = 0;
   while (b - a + 1 < leaf_count) {
     const int left = a > 0 ? (int)levels[firsts[a] - 1] : -1;
     const int right = b + 1 < leaf_count ? (int)levels[firsts[b + 1] - 1] : -1;
@@ -73,15 +79,21 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
     // half. The value exchanged tells how far the other's leaves reach.
     const uint end = EXCHANGE(&meetings[parent], is_right ? b : a);
     if (end == NOBODY) return;
+    const uint sibling_count = is_right ? node->left_count : node->right_count;
+    if (count + sibling_count > kBlockSize) {
+      // Children that fit a block, or cannot be divided, are blocks: their parent is too large.
+      const uint sibling = is_right ? end : b + 1, sibling_last = is_right ? a - 1 : end;
+      if (count <= kBlockSize || a == b) block_flags[a] = 1;
+      if (sibling_count <= kBlockSize || sibling == sibling_last) block_flags[sibling] = 1;
+    }
+    count += sibling_count;
     if (is_right) {
       low = fmin(low, vload3(0, node->left_min));
       high = fmax(high, vload3(0, node->left_max));
-      count += node->left_count;
       a = end;
     } else {
       low = fmin(low, vload3(0, node->right_min));
       high = fmax(high, vload3(0, node->right_max));
-      count += node->right_count;
       b = end;
     }
     min_id = min(min_id, min_ids[2 * parent + !is_right]);
@@ -90,6 +102,7 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
     link = parent;
   }
   climbs[leaf] = climb;
+  if (count <= kBlockSize || leaf_count == 1) block_flags[0] = 1;
   vstore3(low, 0, root->min);
   vstore3(high, 0, root->max);
   root->link = link;

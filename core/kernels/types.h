@@ -46,6 +46,27 @@ typedef struct LeafPhoton {
   uint id;
 } LeafPhoton;
 
+/** Photons of a block of the wide tree, at most, but for a block that is a leaf of more. */
+TREELIGHT_SHARED kBlockSize = 32u;
+
+/** Levels of the wide tree, at most: 32^7 > 2^32. */
+enum { kMaxWideLevels = 7 };
+
+/** Child of a node of the wide tree: 32 bytes. */
+typedef struct WideBox {
+  float min[3];
+  uint min_id; /**< smallest photon index below */
+  float max[3];
+  uint first; /**< of a block: its first photon in leaf order; else undefined */
+} WideBox;
+
+/** Where the levels of the wide tree lie in its array, blocks first. Level 0 is followed by a box
+ * whose `first` ends the last block. */
+typedef struct WideTree {
+  uint level_count;
+  uint offsets[kMaxWideLevels], counts[kMaxWideLevels];
+} WideTree;
+
 /** Maps a position to a Morton cell: cell = min((p - min) * prescale * scale, cells - 1), each
  * product rounded. `prescale` is 1, or a power of two that lifts an extent too small for its
  * reciprocal. */
@@ -91,7 +112,7 @@ typedef struct GatherParams {
 } GatherParams;
 
 #ifndef __OPENCL_C_VERSION__
-static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16);
+static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16 && sizeof(WideBox) == 32);
 }  // namespace treelight
 #endif
 #undef TREELIGHT_SHARED

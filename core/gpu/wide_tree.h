@@ -1,0 +1,23 @@
+#ifndef TREELIGHT_CORE_GPU_WIDE_TREE_H_
+#define TREELIGHT_CORE_GPU_WIDE_TREE_H_
+
+#include "core/device/buffer.h"
+#include "core/gpu/gpu.h"
+#include "core/gpu/hierarchy.h"
+#include "core/gpu/leaves.h"
+#include "core/kernels/types.h"
+
+namespace treelight {
+
+/// The tree that sub-groups walk, derived from the binary one (wide_tree.cl).
+struct DeviceWideTree {
+  WideTree shape{};  ///< no levels where there are no photons, or no sub-groups on the device
+  Buffer<WideBox> boxes;
+};
+
+/// Builds the wide tree of `tree`, whose leaves are `leaves`. Waits.
+DeviceWideTree BuildWideTree(const Gpu& gpu, const DeviceTree& tree, const Leaves& leaves);
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_GPU_WIDE_TREE_H_
