@@ -23,7 +23,9 @@ class ProgramCacheTest : public testing::Test {
                     testing::UnitTest::GetInstance()->current_test_info()->name())) {}
   ~ProgramCacheTest() override { std::filesystem::remove_all(directory_); }
 
-  ProgramCache Open() const { return {TestGpu().memory(), Device(), directory_}; }
+  ProgramCache Open() const {
+    return {TestGpu().queue().getInfo<CL_QUEUE_CONTEXT>(), Device(), directory_};
+  }
   static cl::Device Device() { return TestGpu().queue().getInfo<CL_QUEUE_DEVICE>(); }
 
   std::filesystem::path OnlyFile() const {
@@ -94,7 +96,7 @@ TEST_F(ProgramCacheTest, ADamagedFileIsAMiss) {
 
 TEST_F(ProgramCacheTest, AFolderThatCannotBeMadeCostsOnlyTime) {
   for (const char* folder : {"/proc/none", ""}) {
-    ProgramCache cache(TestGpu().memory(), Device(), folder);
+    ProgramCache cache(TestGpu().queue().getInfo<CL_QUEUE_CONTEXT>(), Device(), folder);
     EXPECT_EQ(Run(cache.Get(kSource, "-DVALUE=7")), 7u);
   }
 }

@@ -77,9 +77,13 @@ TEST(WideTreeTest, KernelsAgreeWithReference) {
           for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
             const WideBox& box = boxes[wide.shape.offsets[level] + i];
             ASSERT_TRUE(SameBox(box, BoxOf(photons, ends[i], ends[i + 1]))) << level << " " << i;
-            if (level == 0) ASSERT_EQ(box.first, ends[i]);
+            if (level == 0) {
+              ASSERT_EQ(box.first, ends[i]);
+            }
           }
-          if (level == 0) ASSERT_EQ(boxes[ends.size() - 1].first, size);
+          if (level == 0) {
+            ASSERT_EQ(boxes[ends.size() - 1].first, size);
+          }
           if (ends.size() - 1 <= 32) {
             ASSERT_EQ(wide.shape.level_count, level + 1);
             break;

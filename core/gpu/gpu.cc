@@ -35,7 +35,9 @@ Gpu OpenGpu(const DeviceOptions& options) {
   if (!device.has_sub_groups()) return gpu;
   const std::string sub_groups =
       fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kWideQueries, kSubGroupsPerGroup);
-  gpu.wide_tree = device.Program({"sub_group.cl", "wide_tree.cl"}, sub_groups);
+  gpu.sub_group_stages =
+      device.Program({"morton.cl", "ties.cl", "sub_group.cl", "ties_short.cl", "wide_tree.cl"},
+                     fmt::format("{} -DTIE_SHORT_RUN={}", sub_groups, kTieShortRun));
   for (std::size_t i = 0; i < kListRows.size(); ++i) {
     gpu.gather_wide[i] = device.Program({"traverse.cl", "sub_group.cl", "gather_wide.cl"},
                                         fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));

@@ -24,6 +24,9 @@ inline constexpr std::size_t kSubGroupSize = 32;
 /// Sub-groups of a work-group: not one, since the number of groups at once is limited too.
 inline constexpr std::size_t kSubGroupsPerGroup = 2;
 
+/// Photons of a run of equal codes that a sub-group rebuilds.
+inline constexpr std::size_t kTieShortRun = 512;
+
 /// Lists of gather_wide in local memory: places / 32, and the largest k that they can hold.
 inline constexpr std::array<std::uint32_t, 2> kListRows = {4, 6}, kListK = {64, 128};
 
@@ -42,8 +45,8 @@ struct Gpu {
   cl::Program sort_32;  ///< radix_sort of 32-bit keys
   cl::Program sort_64;  ///< radix_sort of 64-bit keys
   cl::Program gather;   ///< gather_nearest with heaps in local memory, gather_range
-  cl::Program gather_global;  ///< gather_nearest with heaps in global memory, gather_list
-  cl::Program wide_tree;      ///< where there are sub-groups
+  cl::Program gather_global;     ///< gather_nearest with heaps in global memory, gather_list
+  cl::Program sub_group_stages;  ///< where there are sub-groups
   std::array<cl::Program, kListRows.size()> gather_wide;  ///< likewise; by length of the lists
 
   BufferPool& memory() const { return device->memory(); }

@@ -9,8 +9,7 @@ namespace treelight {
 /// Pairs of a key and a value; Key is cl_uint or cl_ulong. Both buffers have the same size.
 template <typename Key>
 struct KeyValues {
-  KeyValues(BufferPool& pool, std::size_t count)
-      : keys(pool, count), values(pool, count) {}
+  KeyValues(BufferPool& pool, std::size_t count) : keys(pool, count), values(pool, count) {}
   Buffer<Key> keys;
   Buffer<cl_uint> values;
 };

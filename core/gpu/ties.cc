@@ -88,6 +88,18 @@ void SplitByMedians(const Gpu& gpu, const Buffer<float>& positions, const TiedRu
          max_leaf_size, cl_uint{level}, ids.get(), levels.get());
 }
 
+/// Rebuilds runs that one sub-group can, as one round of SplitByCodes would. False: none is left.
+bool SplitShortRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                    unsigned base, std::uint32_t max_leaf_size, const Buffer<cl_uint>& ids,
+                    const Buffer<cl_uchar>& levels) {
+  const Buffer<cl_uint> rest(gpu.memory(), 1);
+  rest.Fill(gpu.queue(), 0);
+  Launch(gpu, gpu.sub_group_stages, "tie_short_runs", count, kSubGroupSize * kSubGroupsPerGroup,
+         positions.get(), static_cast<cl_uint>(count), max_leaf_size, cl_uint{base}, ids.get(),
+         levels.get(), rest.get());
+  return ReadOne(gpu, rest, 0) != 0;
+}
+
 }  // namespace
 
 TieReport BreakTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
@@ -95,7 +107,9 @@ TieReport BreakTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t 
                     const Buffer<cl_uchar>& levels, const CancelCheck& cancelled) {
   constexpr unsigned kLastCodeLevel = 93;  // depth left for medians and places: 35
   TieReport report;
-  for (unsigned level = code_bits;;) {
+  const bool any = !gpu.device->has_sub_groups() ||
+                   SplitShortRuns(gpu, positions, count, code_bits, max_leaf_size, ids, levels);
+  for (unsigned level = code_bits; any;) {
     ThrowIfCancelled(cancelled);
     const TiedRuns tied = FindTiedRuns(gpu, positions, count, max_leaf_size, ids, levels);
     if (report.code_rounds + report.median_rounds == 0) report.tied_photons = tied.count;

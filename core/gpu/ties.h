@@ -7,7 +7,7 @@
 
 namespace treelight {
 
-/// What BreakTies had to do.
+/// What BreakTies had to do for all runs at once, beside those that sub-groups rebuilt.
 struct TieReport {
   std::size_t tied_photons = 0;  ///< in runs of equal codes longer than a leaf, at first
   unsigned code_rounds = 0;      ///< finer codes within each run's box
@@ -15,8 +15,8 @@ struct TieReport {
 };
 
 /// Rebuilds runs of more than `max_leaf_size` equal codes by position and replaces every kLevelTied
-/// (ties.cl). The depth stays within kMaxDepth: codes give at most 93 levels, medians and places at
-/// most 34.
+/// (ties.cl; ties_short.cl before it where there are sub-groups). The depth stays within kMaxDepth:
+/// codes give at most 93 levels, medians and places at most 34.
 /// @param ids     [count] in/out: photon at each place of the leaf order
 /// @param levels  [count - 1] in/out: of ComputeSplitLevels, with `code_bits` bits
 /// Waits once for each round. CANCELLED is thrown as StatusError where `cancelled` says so.

@@ -105,8 +105,7 @@ float3 box_extent(global const uint* box) {
 
 // Cube of 1024^3 cells over a box, its scale a power of two: exact without a division. Half to all
 // of the cells are used along the longest edge.
-MortonGrid grid_of_box(global const uint* box) {
-  const float3 low = box_low(box), extent = box_extent(box);
+MortonGrid grid_of(const float3 low, const float3 extent) {
   float longest = fmax(fmax(extent.x, extent.y), extent.z);
   MortonGrid grid;
   vstore3(low, 0, grid.min);
@@ -117,6 +116,8 @@ MortonGrid grid_of_box(global const uint* box) {
   for (uint c = 0; c < 3; ++c) grid.scale[c] = scale;
   return grid;
 }
+
+MortonGrid grid_of_box(global const uint* box) { return grid_of(box_low(box), box_extent(box)); }
 
 /// Computes the finer codes. One work-item per listed photon.
 /// @param keys    [m] out: run << kTieBits | code of the photon within the run's box
