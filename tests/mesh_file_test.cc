@@ -19,6 +19,7 @@
 #include "fmt/format.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/change_json.h"
 #include "tests/shared_scenes.h"
 
 namespace treelight::client {
@@ -359,6 +360,12 @@ TEST_F(MeshFileTest, BrokenGltfSaysWhere) {
   EXPECT_THAT(Error("a.gltf", "{}"), HasSubstr("no glTF 2"));
   EXPECT_THAT(Error("a.gltf", std::string(100000, '[') + std::string(100000, ']')),
               HasSubstr("levels"));
+  EXPECT_THAT(Error("a.gltf", R"({"asset": []})"), HasSubstr("no glTF 2"));
+  EXPECT_THAT(Error("a.gltf", R"({"asset": {"version": "2.0"}, "buffers": {"a": 1}})"),
+              HasSubstr("buffers is no array"));
+  EXPECT_THAT(Error("a.gltf", R"({"asset": {"version": "2.0"}, "nodes": [{"children": "x"}]})"),
+              HasSubstr("nodes[0].children"));
+  EXPECT_THAT(Error("a.gltf", "1e999"), HasSubstr("number overflow"));
   std::string twice = Gltf();
   twice.replace(twice.find("\"nodes\": [{"), 11, "\"nodes\": [{\"children\": [1, 1]}, {");
   EXPECT_THAT(Error("a.gltf", twice), HasSubstr("nodes[1] has two parents"));
@@ -525,6 +532,22 @@ TEST_F(MeshFileTest, ChangedAndRandomFilesEndInOneLine) {
         SCOPED_TRACE(fmt::format("{}, seed {}, noise {}", path, seed, i));
         ExpectMeshOrOneLine(noise, path);
       }
+    }
+  }
+}
+
+TEST_F(MeshFileTest, GltfOfOtherValuesEndsInOneLine) {
+  const auto gltf = nlohmann::json::parse(Gltf());
+  const std::uint32_t fresh = std::random_device()();
+  for (const std::uint32_t seed : {5u, fresh}) {
+    std::mt19937 random(seed);
+    for (int i = 0; i < 600; ++i) {
+      auto changed = gltf;
+      for (std::size_t k = 0, count = 1 + random() % 3; k < count; ++k)
+        testing::ChangeJson(changed, random);
+      SCOPED_TRACE(fmt::format("seed {}, round {}: {}", seed, i, changed.dump()));
+      ExpectMeshOrOneLine(changed.dump(), "/none/a.gltf");
+      if (HasFatalFailure()) return;
     }
   }
 }

@@ -15,6 +15,7 @@
 #include "fmt/format.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/change_json.h"
 #include "tests/shared_scenes.h"
 
 namespace treelight::client {
@@ -134,6 +135,7 @@ TEST_F(SceneFileTest, FlippedMaterialsShowTheirBacks) {
 
 TEST_F(SceneFileTest, ErrorsNameFilePlaceAndValue) {
   EXPECT_THAT(Error("{\n  \"meshes\": [,]\n}"), StartsWith(":2:14: "));
+  EXPECT_THAT(ErrorWith(R"("exposure": 1e999)"), HasSubstr("number overflow"));
   EXPECT_THAT(Error("[]"), HasSubstr("an object, not []"));
   EXPECT_THAT(Error(R"({"meshes": [{"file": "mesh.obj"}]})"),
               HasSubstr("cameras: there must be one"));
@@ -220,6 +222,33 @@ TEST_F(SceneFileTest, ChangedFilesEndInOneLine) {
       const std::string message(scene.status().message());
       EXPECT_THAT(message, StartsWith(folder_)) << "seed " << seed << ", round " << i;
       EXPECT_EQ(message.find('\n'), message.npos) << "seed " << seed << ", round " << i;
+    }
+  }
+}
+
+TEST_F(SceneFileTest, OtherValuesEndInOneLine) {
+  const auto scene = nlohmann::json::parse(R"({"exposure": 1,
+    "new_materials": {"g": {"surface": "glossy", "reflectance": 0.5, "specular": [0.1, 0.1, 0.1]}},
+    "meshes": [{"file": "mesh.obj", "up": "z", "drop_materials": ["a"], "scale": 2}],
+    "materials": {"b": {"emission": [1, 1, 1]}},
+    "quads": [{"center": [0, -1, 0], "size": [4, 2], "material": "g", "normal": [0, 0, 1]}],
+    "spheres": [{"center": [0, 1, 0], "radius": 0.5, "material": "g"}],
+    "lights": [{"type": "spot", "position": [1, 2, 3], "intensity": 7, "cone_degrees": 30},
+               {"type": "area", "center": [1, 2, 3], "radiance": 7, "size": [1, 1]}],
+    "cameras": [{"name": "c", "position": [0, 0, 5], "target": [0, 0, 0]}]})");
+  ASSERT_TRUE(Parse(scene.dump()).ok()) << Parse(scene.dump()).status();
+  const std::uint32_t fresh = std::random_device()();
+  for (const std::uint32_t seed : {11u, fresh}) {
+    std::mt19937 random(seed);
+    for (int i = 0; i < 1000; ++i) {
+      auto changed = scene;
+      for (std::size_t k = 0, count = 1 + random() % 3; k < count; ++k)
+        testing::ChangeJson(changed, random);
+      const auto loaded = Parse(changed.dump());
+      if (loaded.ok()) continue;
+      const std::string message(loaded.status().message());
+      EXPECT_THAT(message, StartsWith(folder_)) << "seed " << seed << ": " << changed;
+      EXPECT_EQ(message.find('\n'), message.npos) << "seed " << seed << ": " << changed;
     }
   }
 }

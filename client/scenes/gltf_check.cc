@@ -48,13 +48,20 @@ absl::StatusOr<std::string_view> JsonOfGlb(std::string_view bytes, const std::st
   return bytes.substr(kHeaderSize + kChunkHeaderSize, Load(bytes, kHeaderSize));
 }
 
+/// The member `key` of `value`; null where it is no object or has none.
+const json* Member(const json& value, const char* key) {
+  const auto found = value.is_object() ? value.find(key) : value.end();
+  return found == value.end() ? nullptr : &*found;
+}
+
 /// Two parents of one node would repeat what hangs below it, up to 2^nodes times.
 std::string CheckNodes(const json& nodes) {
   if (!nodes.is_array()) return "nodes is no array";
   std::vector<bool> has_parent(nodes.size());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    if (!nodes[i].is_object() || !nodes[i].contains("children")) continue;
-    for (const json& child : nodes[i]["children"]) {
+    const json* const children = Member(nodes[i], "children");
+    if (children == nullptr) continue;
+    for (const json& child : *children) {
       if (!child.is_number_unsigned() || child.get<std::uint64_t>() >= nodes.size()) {
         return fmt::format("nodes[{}].children: there is no such node", i);
       }
@@ -79,21 +86,25 @@ absl::StatusOr<std::vector<std::string>> CheckGltf(std::string_view bytes,
   const auto gltf = ParseJson(text, path);
   if (!gltf.ok()) return gltf.status();
   if (!gltf->is_object()) return Invalid(path, "it is no JSON object");
-  const json version = gltf->value(json::json_pointer("/asset/version"), json());
-  if (!version.is_string() || !version.get<std::string>().starts_with("2")) {
+  const json* const asset = Member(*gltf, "asset");
+  const json* const version = asset == nullptr ? nullptr : Member(*asset, "version");
+  if (version == nullptr || !version->is_string() ||
+      !version->get_ref<const std::string&>().starts_with("2")) {
     return Invalid(path, "asset.version is not 2.x: no glTF 2");
   }
-  if (gltf->contains("nodes")) {
-    if (const auto error = CheckNodes((*gltf)["nodes"]); !error.empty())
-      return Invalid(path, error);
+  if (const json* const nodes = Member(*gltf, "nodes"); nodes != nullptr) {
+    if (const auto error = CheckNodes(*nodes); !error.empty()) return Invalid(path, error);
   }
   std::vector<std::string> names;
-  const json buffers = gltf->value("buffers", json::array());
-  for (std::size_t i = 0; i < buffers.size(); ++i) {
-    if (!buffers[i].is_object() || !buffers[i].contains("uri")) continue;
-    const json& uri = buffers[i]["uri"];
-    if (!uri.is_string()) return Invalid(path, fmt::format("buffers[{}].uri is no string", i));
-    if (!uri.get<std::string>().starts_with("data:")) names.push_back(uri.get<std::string>());
+  const json* const buffers = Member(*gltf, "buffers");
+  if (buffers == nullptr) return names;
+  if (!buffers->is_array()) return Invalid(path, "buffers is no array");
+  for (std::size_t i = 0; i < buffers->size(); ++i) {
+    const json* const uri = Member((*buffers)[i], "uri");
+    if (uri == nullptr) continue;
+    if (!uri->is_string()) return Invalid(path, fmt::format("buffers[{}].uri is no string", i));
+    const auto& name = uri->get_ref<const std::string&>();
+    if (!name.starts_with("data:")) names.push_back(name);
   }
   return names;
 }

@@ -20,6 +20,20 @@ absl::Status ErrorAt(std::string_view text, std::size_t byte, const std::string&
   return absl::InvalidArgumentError(fmt::format("{}:{}:{}: {}", path, line, column, error));
 }
 
+/// What the library says is wrong, printable, without its own place:
+/// "[json.exception.parse_error.101] parse error at line 1, column 2: what it is".
+std::string Reason(const nlohmann::json::exception& error) {
+  std::string_view what = error.what();
+  if (const auto end = what.find("] "); end != what.npos) what.remove_prefix(end + 2);
+  if (what.starts_with("parse error"))
+    what.remove_prefix(std::min(what.find(": ") + 2, what.size()));
+  std::string reason(what.substr(0, 200));
+  for (char& c : reason) {
+    if (c < ' ' || c > '~') c = '?';
+  }
+  return reason;
+}
+
 }  // namespace
 
 absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, const std::string& path) {
@@ -50,14 +64,9 @@ absl::StatusOr<nlohmann::json> ParseJson(std::string_view text, const std::strin
           fmt::format("{}: key \"{}\" stands twice in an object", path, repeated.substr(0, 40)));
     return json;
   } catch (const Json::parse_error& error) {
-    // "[json.exception.parse_error.101] parse error at line 1, column 2: what it is"
-    std::string_view what = error.what();
-    if (const auto colon = what.find(": "); colon != what.npos) what.remove_prefix(colon + 2);
-    std::string line(what.substr(0, 200));
-    for (char& c : line) {
-      if (c < ' ' || c > '~') c = '?';
-    }
-    return ErrorAt(text, std::min(error.byte, text.size()), path, line);
+    return ErrorAt(text, std::min(error.byte, text.size()), path, Reason(error));
+  } catch (const Json::exception& error) {  // a number beyond double
+    return absl::InvalidArgumentError(fmt::format("{}: {}", path, Reason(error)));
   }
 }
 
