@@ -55,19 +55,23 @@ class PlainSweep {
     }
     float best = std::numeric_limits<float>::infinity();
     std::size_t best_imbalance = 0;
+    float best_extent = 0;
     std::vector<std::uint32_t> best_left, best_right;
     for (int axis = 0; axis < 3; ++axis) {
       std::sort(ids.begin(), ids.end(), [&](std::uint32_t a, std::uint32_t b) {
         return std::pair(Component(At(a), axis), a) < std::pair(Component(At(b), axis), b);
       });
+      const float extent = Component(At(ids.back()), axis) - Component(At(ids.front()), axis);
       for (std::size_t cut = 1; cut < ids.size(); ++cut) {
         const std::vector<std::uint32_t> left(ids.begin(), ids.begin() + static_cast<int>(cut));
         const std::vector<std::uint32_t> right(ids.begin() + static_cast<int>(cut), ids.end());
         const float cost = Cost(left) + Cost(right);
         const std::size_t imbalance =
             std::max(left.size(), right.size()) - std::min(left.size(), right.size());
-        if (cost < best || (cost == best && imbalance < best_imbalance)) {
+        if (cost < best || (cost == best && imbalance < best_imbalance) ||
+            (cost == best && imbalance == best_imbalance && extent > best_extent)) {
           best = cost;
+          best_extent = extent;
           best_imbalance = imbalance;
           best_left = left;
           best_right = right;

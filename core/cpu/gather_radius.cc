@@ -33,9 +33,11 @@ float SampleGatherRadius(const Tree& tree, const std::vector<float>& positions,
     const float* p = &positions[3 * std::size_t{id}];
     const QueryAnswer answer =
         FindNearest(tree, {p[0], p[1], p[2]}, k, std::numeric_limits<float>::infinity());
-    squared_radii.push_back(answer.found.back().squared_distance);
+    const float squared_radius = answer.found.back().squared_distance;
+    if (squared_radius > 0) squared_radii.push_back(squared_radius);
   }
-  const auto median = squared_radii.begin() + kRadiusSamples / 2;
+  if (squared_radii.empty()) return 0;
+  const auto median = squared_radii.begin() + static_cast<std::ptrdiff_t>(squared_radii.size() / 2);
   std::nth_element(squared_radii.begin(), median, squared_radii.end());
   return std::sqrt(*median);
 }

@@ -20,7 +20,9 @@ inline constexpr std::uint32_t kRadiusNeighbors = 50;
 std::vector<std::uint32_t> SamplePhotons(std::uint32_t photon_count, std::uint32_t seed);
 
 /// The median over the sampled photons of the distance to the kRadiusNeighbors-th photon, itself
-/// included, or to the farthest where there are fewer. Scene units; 0 where there are no photons.
+/// included, or to the farthest where there are fewer: of m distances in ascending order, number
+/// m / 2 from 0. Distances of 0 are left out, since photons with so many duplicates tell nothing
+/// of the others. Scene units; 0 where no distance is left.
 float SampleGatherRadius(const Tree& tree, const std::vector<float>& positions, std::uint32_t seed);
 
 }  // namespace treelight

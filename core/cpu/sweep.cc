@@ -73,12 +73,13 @@ SweepSplitter::Cut SweepSplitter::SweepAxis(const Range& range, int axis) {
     left.Extend(PositionOf(photons[i - 1]));
     left_costs[i] = measure_(left) * LeafUnits(i);
   }
-  Cut best{std::numeric_limits<float>::infinity(), n, axis, 0};
+  const float extent = Coordinate(photons[n - 1], axis) - Coordinate(photons[0], axis);
+  Cut best{std::numeric_limits<float>::infinity(), n, extent, axis, 0};
   for (std::uint32_t i = n - 1; i > 0; --i) {
     right.Extend(PositionOf(photons[i]));
     const float cost = left_costs[i] + measure_(right) * LeafUnits(n - i);
     const std::uint32_t imbalance = 2 * i > n ? 2 * i - n : n - 2 * i;
-    const Cut cut{cost, imbalance, axis, i};
+    const Cut cut{cost, imbalance, extent, axis, i};
     if (!(best < cut)) best = cut;  // places descend: of equals the lower one stays
   }
   return best;
@@ -88,7 +89,7 @@ SweepSplitter::Cut SweepSplitter::FindCut(const Range& range) {
   if (MustHalve(range, max_leaf_size_)) {
     Box box;
     for (std::uint32_t i = range.first; i < range.last; ++i) box.Extend(PositionOf(orders_[0][i]));
-    return {0, 0, WidestAxis(box), WholeLeavesMedian(range.count(), max_leaf_size_)};
+    return {0, 0, 0, WidestAxis(box), WholeLeavesMedian(range.count(), max_leaf_size_)};
   }
   std::array<Cut, 3> cuts;
   ForEachAxis(range, [&](int axis) { cuts[axis] = SweepAxis(range, axis); });

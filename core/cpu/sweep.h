@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -17,7 +18,9 @@ namespace treelight {
 ///   cost = M(left) * T(left count) + M(right) * T(right count)
 /// M is the heuristic's measure; T(n) = n, or ceil(n / B) with kLeafSize. In float32, the two
 /// products rounded, then their sum. Photons are swept in the order of (coordinate, photon index).
-/// Of equal costs the cut nearest the middle wins, then the lower axis, then the lower place.
+/// Of equal costs the cut nearest the middle wins, then the axis on which the tight box is longer,
+/// then the lower axis, then the lower place. (By sah all cuts of a line cost 0, also those on an
+/// axis on which its photons are equal.)
 class SweepSplitter {
  public:
   using Range = PhotonRange;
@@ -36,10 +39,12 @@ class SweepSplitter {
   struct Cut {
     float cost;
     std::uint32_t imbalance;  ///< |left count - right count|
+    float extent;             ///< of the tight box on the axis
     int axis;
     std::uint32_t left_count;
     friend bool operator<(const Cut& a, const Cut& b) {
-      return a.cost < b.cost || (a.cost == b.cost && a.imbalance < b.imbalance);
+      return std::tuple(a.cost, a.imbalance, -a.extent) <
+             std::tuple(b.cost, b.imbalance, -b.extent);
     }
   };
 
