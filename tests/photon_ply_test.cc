@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -9,7 +10,10 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <vector>
 
+#include "client/output_file.h"
+#include "client/photon_spool.h"
 #include "core/model/octahedral.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -300,6 +304,61 @@ TEST(PhotonPlyTest, AFileThatIsNotThereSaysSo) {
   const auto unwritable = WritePhotonPly("/nowhere/photons.ply", MakePhotons(1, /*seed=*/7));
   EXPECT_THAT(std::string(unwritable.message()),
               HasSubstr("cannot write /nowhere/photons.ply: No such file"));
+}
+
+// By way of the temporary file, in blocks of several sizes, the same file comes out.
+TEST(PhotonPlyTest, BlocksMakeTheSameFile) {
+  const Photons photons = MakePhotons(70'001, /*seed=*/9);
+  auto spool = PhotonSpool::Create();
+  ASSERT_TRUE(spool.ok()) << spool.status();
+  for (std::size_t first = 0; first < photons.size();) {
+    const std::size_t last = std::min(first + 1 + first / 3, photons.size());
+    const auto part = [&](const auto& array, std::size_t width) {
+      return std::vector(array.begin() + static_cast<std::ptrdiff_t>(width * first),
+                         array.begin() + static_cast<std::ptrdiff_t>(width * last));
+    };
+    ASSERT_TRUE(spool
+                    ->Append({.positions = part(photons.positions, 3),
+                              .powers = part(photons.powers, 3),
+                              .directions = part(photons.directions, 2)})
+                    .ok());
+    first = last;
+  }
+  EXPECT_EQ(spool->size(), photons.size());
+  const TemporaryFile whole, blocks;
+  ASSERT_TRUE(WritePhotonPly(whole.path(), photons).ok());
+  auto file = OutputFile::Create(blocks.path());
+  ASSERT_TRUE(file.ok());
+  auto writer = PhotonPlyWriter::Create(
+      *std::move(file),
+      {.count = photons.size(), .max_power = *std::ranges::max_element(photons.powers)});
+  ASSERT_TRUE(writer.ok());
+  std::size_t block_count = 0;
+  ASSERT_TRUE(spool
+                  ->Read([&](Photons& block) {
+                    ++block_count;
+                    return writer->Write(block);
+                  })
+                  .ok());
+  ASSERT_TRUE(writer->Commit().ok());
+  EXPECT_GT(block_count, 2u);
+  EXPECT_TRUE(blocks.Text() == whole.Text());
+  const auto stopped = spool->Read([](Photons&) { return absl::CancelledError("enough"); });
+  EXPECT_EQ(stopped.message(), "enough");
+}
+
+TEST(PhotonPlyTest, AWriterKeepsToWhatItsHeaderSays) {
+  const TemporaryFile path("before");
+  auto file = OutputFile::Create(path.path());
+  ASSERT_TRUE(file.ok());
+  auto writer = PhotonPlyWriter::Create(*std::move(file), {.count = 3, .directions = false});
+  ASSERT_TRUE(writer.ok());
+  Photons photons = MakePhotons(2, /*seed=*/10);
+  EXPECT_EQ(writer->Write(photons).code(), absl::StatusCode::kInvalidArgument);
+  photons.directions.clear();
+  EXPECT_TRUE(writer->Write(photons).ok());
+  EXPECT_EQ(writer->Commit().message(), "2 photons were written, 3 announced");
+  EXPECT_EQ(path.Text(), "before");
 }
 
 TEST(PhotonPlyTest, UnequalArraysAreNotWritten) {

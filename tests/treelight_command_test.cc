@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <numeric>
 #include <set>
 #include <sstream>
 #include <string>
@@ -155,6 +156,54 @@ void WriteExr(const std::string& path, int width, const Rgb& color) {
   Image image(width, 3);
   for (Rgb& pixel : image.pixels) pixel = color;
   ASSERT_TRUE(WriteImage(image, path, {.pixels = ExrPixels::kFloat}).ok());
+}
+
+TEST_F(TreelightCommandTest, TraceKeepsTheSetsApart) {
+  const std::string options = "trace --photons 2000 --caustic-photons 700 --seed 6 --output ";
+  ASSERT_EQ(Run(options + "both.ply").exit_code, 0);
+  const Outcome apart = Run(options + "indirect.ply --caustic-output caustic.ply");
+  ASSERT_EQ(apart.exit_code, 0) << apart.err;
+  EXPECT_THAT(apart.out, AllOf(HasSubstr("caustic\nphotons"), HasSubstr("emitted "),
+                               HasSubstr("+ escaped from the scene"), HasSubstr(" Mrays/s")));
+  const auto both = ReadPhotonPly(Path("both.ply")), indirect = ReadPhotonPly(Path("indirect.ply")),
+             caustic = ReadPhotonPly(Path("caustic.ply"));
+  ASSERT_TRUE(both.ok() && indirect.ok() && caustic.ok());
+  EXPECT_EQ(caustic->size(), 700u);
+  EXPECT_EQ(both->size(), indirect->size() + caustic->size());
+  std::vector<float> powers = indirect->powers;
+  powers.insert(powers.end(), caustic->powers.begin(), caustic->powers.end());
+  EXPECT_EQ(both->powers, powers);
+  // In watts: each set holds what the table says of it, about 17 and 2.4 W.
+  const auto sum = [](const Photons& photons) {
+    return std::accumulate(photons.powers.begin(), photons.powers.end(), 0.0);
+  };
+  EXPECT_NEAR(sum(*indirect), 19, 2);
+  EXPECT_NEAR(sum(*caustic), 2.4, 0.3);
+}
+
+TEST_F(TreelightCommandTest, TraceFollowsTheCamera) {
+  const Outcome traced = Run(
+      "trace --image-photons --photons 3000 --width 64 --height 48 --albedo 0.65 --output i.ply");
+  ASSERT_EQ(traced.exit_code, 0) << traced.err;
+  EXPECT_THAT(traced.out, AllOf(StartsWith("image photons: 3000, chosen from "),
+                                HasSubstr(" of 3072 camera paths\n")));
+  const auto photons = ReadPhotonPly(Path("i.ply"));
+  ASSERT_TRUE(photons.ok()) << photons.status();
+  EXPECT_EQ(photons->size(), 3000u);
+  EXPECT_TRUE(photons->powers.empty());
+  // All surfaces are diffuse then, the spheres too.
+  bool on_sphere = false;
+  for (std::size_t i = 0; i < photons->size(); ++i)
+    on_sphere |=
+        std::abs(SquaredDistance(photons->position(i), {-0.42f, 0.351f, -0.38f}) - 0.1225f) < 1e-4f;
+  EXPECT_TRUE(on_sphere);
+  EXPECT_THAT(FailingRun("trace --image-photons --photons 90000 --width 9 --output i.ply", 1),
+              HasSubstr("90000 are to be chosen"));
+  EXPECT_THAT(FailingRun("trace --width 9 --output i.ply", 2), HasSubstr("--image-photons"));
+  EXPECT_THAT(FailingRun("trace --photons 0 --caustic-photons 0 --output i.ply", 2),
+              HasSubstr("nothing to trace"));
+  EXPECT_THAT(FailingRun("trace --output i.ply --caustic-output i.ply", 2),
+              HasSubstr("i.ply is --output too"));
 }
 
 TEST_F(TreelightCommandTest, CompareTellsTheErrorAndShowsIt) {

@@ -17,6 +17,7 @@
 #include "client/progress.h"
 #include "client/render/image_photons.h"
 #include "client/trace/photon_tracer.h"
+#include "client/trace/targets.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -81,7 +82,9 @@ absl::Status WriteSets(OutputFile file, const std::vector<SpooledSet*>& sets) {
 absl::StatusOr<TraceReport> TraceTo(const Intersector& scene, const Options& options,
                                     SpooledSet& indirect, SpooledSet& caustic) {
   PhotonTraceOptions trace = options.trace;
-  Progress progress("trace", trace.indirect_photons + trace.caustic_photons, "photons");
+  const bool has_caustics = !Targets(scene.scene()).empty();
+  Progress progress("trace", trace.indirect_photons + (has_caustics ? trace.caustic_photons : 0),
+                    "photons");
   trace.progress = [&](std::uint64_t photons) { progress.Update(photons); };
   auto report = TracePhotons(scene, trace, [&](PhotonSet set, const Photons& block) {
     return (set == PhotonSet::kIndirect ? indirect : caustic).spool.Append(block);
