@@ -271,7 +271,8 @@ TEST_F(SceneFileTest, ABareMeshIsSeenAndLit) {
   ASSERT_TRUE(loaded.ok()) << loaded.status();
   EXPECT_TRUE(HasLight(loaded->scene));
   EXPECT_TRUE(loaded->has_default_light);
-  EXPECT_THAT(loaded->notes, ElementsAre(HasSubstr("camera that was made up, and lit")));
+  EXPECT_THAT(loaded->notes, ElementsAre(HasSubstr("camera that was made up"),
+                                         HasSubstr("lamp that was made up")));
   const Camera& camera = loaded->scene.camera;
   const Vec3 view = Normalize(camera.target - camera.position);
   for (std::size_t i = 0; i < 4; ++i) {

@@ -88,6 +88,7 @@ void RemoveDefaultLight(LoadedScene& loaded) {
   Mesh& mesh = loaded.scene.mesh;
   mesh.corners.resize(mesh.corners.size() - 2);
   mesh.materials.resize(mesh.materials.size() - 2);
+  loaded.notes.pop_back();
   loaded.has_default_light = false;
 }
 
@@ -122,13 +123,13 @@ void AddSceneOptions(CLI::App& command, SceneChoice& choice) {
 absl::StatusOr<LoadedScene> LoadChosenScene(const SceneChoice& choice) {
   auto loaded = LoadScene(choice.scene);
   if (!loaded.ok()) return loaded.status();
-  for (const std::string& note : loaded->notes) Warn(note);
   if (auto status = ChooseCamera(choice, *loaded); !status.ok()) return status;
   if (!choice.lights.empty() && loaded->has_default_light) RemoveDefaultLight(*loaded);
   for (const PointLight& light : choice.lights) loaded->scene.point_lights.push_back(light);
   for (const std::string& assignment : choice.materials) {
     if (auto status = OverrideMaterial(assignment, loaded->scene); !status.ok()) return status;
   }
+  for (const std::string& note : loaded->notes) Warn(note);
   return loaded;
 }
 

@@ -25,9 +25,9 @@ absl::StatusOr<LoadedScene> LoadBareMesh(const std::string& path) {
   loaded.cameras.push_back({"default", scene.camera});
   const bool has_light = HasLight(scene);
   if (!has_light) AddDefaultLight(scene);
-  loaded.notes.push_back(fmt::format("{}: seen by a camera that was made up{}", path,
-                                     has_light ? "" : ", and lit by a light that was"));
+  loaded.notes.push_back(fmt::format("{}: seen by a camera that was made up", path));
   loaded.has_default_light = !has_light;
+  if (!has_light) loaded.notes.push_back(fmt::format("{}: lit by a lamp that was made up", path));
   return loaded;
 }
 

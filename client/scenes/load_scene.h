@@ -21,8 +21,8 @@ struct LoadedScene {
   Scene scene;                       ///< seen by the first of `cameras`
   std::vector<NamedCamera> cameras;  ///< at least one
   float exposure = 1;                ///< with which its PNG is neither dark nor burnt out, stops
-  bool has_default_light = false;    ///< its only light was made up, as a bare mesh has none; it is
-                                     ///< the last two triangles
+  bool has_default_light = false;    ///< its only light was made up, as a bare mesh has none: the
+                                     ///< last two triangles, and the last note
   std::vector<std::string> notes;    ///< what was assumed or left out, one line each, for a person
 };
 
