@@ -227,6 +227,16 @@ TEST(Intersector, RefusesAnInvalidScene) {
   scene.spheres[0].radius = 0;
   EXPECT_EQ(message(scene), "sphere 0: radius 0 is not positive");
   scene = MakeClosedBox(kGrey);
+  scene.materials[0].emission.g = -1;
+  EXPECT_EQ(message(scene),
+            "material grey: emission 0 -1 0 is not a colour: each must be finite and >= 0");
+  scene.materials[0] = {
+      .name = "glass", .surface = Surface::kDielectric, .reflectance = {}, .ior = 0};
+  EXPECT_EQ(message(scene), "material glass: ior 0 is not positive");
+  scene.materials[0] = {
+      .name = "satin", .surface = Surface::kGlossy, .reflectance = {}, .exponent = NAN};
+  EXPECT_EQ(message(scene), "material satin: exponent nan is not a number >= 0");
+  scene = MakeClosedBox(kGrey);
   scene.mesh.normals.resize(3);
   EXPECT_EQ(message(scene), "mesh has 24 vertices but 3 normals");
   scene = MakeClosedBox(kGrey);
@@ -247,8 +257,9 @@ TEST(Registry, MakesEverySceneItNames) {
     EXPECT_EQ(scene->name, name);
     EXPECT_TRUE(Intersector::Create(*scene).ok()) << name;
   }
-  EXPECT_EQ(MakeScene("nowhere").status().message(),
-            "there is no scene \"nowhere\"; built in: cornell");
+  const std::string unknown = "there is no scene \"nowhere\"; built in: cornell";
+  EXPECT_EQ(std::string(MakeScene("nowhere").status().message()).substr(0, unknown.size()),
+            unknown);
 }
 
 }  // namespace

@@ -298,6 +298,15 @@ TEST(PhotonTracer, GlassBesidePanesMakesCaustics) {
   ASSERT_GE(photons.caustic.size(), 2'000u);
   const double targeted = photons.report.caustic.stored[0];
   EXPECT_NEAR(targeted, photons.report.energy.caustic[0], 0.1 * targeted);
+
+  // Lit by both the lamp and the sheet, neither by a few bright photons: both are aimed at.
+  scene.spheres[0].center = {0.4f, 0.75f, 0};
+  scene.spheres[0].radius = 0.15f;
+  const TracedPhotons both =
+      MustTrace(scene, {.indirect_photons = 0, .caustic_photons = 100'000, .seed = 12});
+  std::vector<float> powers = both.caustic.powers;
+  std::ranges::sort(powers);
+  EXPECT_LT(powers.back(), 10 * powers[powers.size() / 2]);
 }
 
 // The floor under a mirror whose vertices all have the normal N: the lamp at height 3 gives

@@ -10,6 +10,36 @@
 namespace treelight::client {
 namespace {
 
+absl::Status CheckMaterials(const Scene& scene) {
+  for (const Material& material : scene.materials) {
+    const auto check = [&](const char* field, const Rgb& color) {
+      if (color.r >= 0 && color.g >= 0 && color.b >= 0 &&
+          std::isfinite(color.r + color.g + color.b))
+        return absl::OkStatus();
+      return absl::InvalidArgumentError(
+          fmt::format("material {}: {} {} {} {} is not a colour: each must be finite and >= 0",
+                      material.name, field, color.r, color.g, color.b));
+    };
+    absl::Status status = check("reflectance", material.reflectance);
+    status.Update(check("specular", material.specular));
+    status.Update(check("transmittance", material.transmittance));
+    status.Update(check("emission", material.emission));
+    if (!status.ok()) return status;
+    const bool refracts =
+        material.surface == Surface::kDielectric || material.surface == Surface::kPane;
+    if (refracts && !(material.ior > 0 && std::isfinite(material.ior))) {
+      return absl::InvalidArgumentError(
+          fmt::format("material {}: ior {} is not positive", material.name, material.ior));
+    }
+    if (material.surface == Surface::kGlossy &&
+        !(material.exponent >= 0 && std::isfinite(material.exponent))) {
+      return absl::InvalidArgumentError(fmt::format("material {}: exponent {} is not a number >= 0",
+                                                    material.name, material.exponent));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckMesh(const Scene& scene) {
   const Mesh& mesh = scene.mesh;
   if (mesh.materials.size() != mesh.corners.size()) {
@@ -76,7 +106,8 @@ absl::Status CheckPointLights(const Scene& scene) {
 }  // namespace
 
 absl::Status CheckScene(const Scene& scene) {
-  absl::Status status = CheckMesh(scene);
+  absl::Status status = CheckMaterials(scene);
+  if (status.ok()) status = CheckMesh(scene);
   if (status.ok()) status = CheckSpheres(scene);
   if (status.ok()) status = CheckPointLights(scene);
   return status;
