@@ -401,16 +401,17 @@ TEST_F(PhotonRendererTest, PreviewsAreWholePicturesAndChangeNothing) {
   EXPECT_NEAR(error->mean_ratio, 1, 0.1);
 }
 
-TEST_F(PhotonRendererTest, OverlapIsTheDeviceTimeThatNobodyWaitedFor) {
+TEST_F(PhotonRendererTest, OverlapIsWhatDoesNotFitOneAfterTheOther) {
   PhotonRenderedImage image;
-  EXPECT_EQ(image.overlap(), 0);
   image.indirect = {.kernel_us = 6e6, .transfer_us = 1e6, .wait_s = 1};
   image.caustic = {.kernel_us = 1e6, .transfer_us = 2e6, .wait_s = 2};
+  image.camera_s = 4;
+  image.seconds = 11;
   EXPECT_DOUBLE_EQ(image.device_s(), 10);
   EXPECT_DOUBLE_EQ(image.wait_s(), 3);
-  EXPECT_DOUBLE_EQ(image.overlap(), 0.7);
-  image.caustic.wait_s = 20;
-  EXPECT_EQ(image.overlap(), 0);
+  EXPECT_DOUBLE_EQ(image.overlap_s(), 3);
+  image.seconds = 15;
+  EXPECT_EQ(image.overlap_s(), 0);
 }
 
 TEST_F(PhotonRendererTest, MapsAreDeletedByVersion) {

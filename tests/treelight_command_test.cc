@@ -532,7 +532,7 @@ TEST_F(TreelightWithServerTest, APreviewIsValidAtAllTimes) {
   EXPECT_EQ(render.exit_code, 0) << render.err;
   EXPECT_GT(seen.size(), 2u);
   EXPECT_EQ(ReadFile(Path("preview.png")), ReadFile(Path("picture.png")));
-  EXPECT_THAT(render.out, HasSubstr(" of it while the client traced"));
+  EXPECT_THAT(render.out, HasSubstr(" s, both at once for at least "));
 }
 
 TEST_F(TreelightWithServerTest, AServerThatDrainsStillGivesThePicture) {

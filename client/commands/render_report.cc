@@ -1,5 +1,6 @@
 #include "client/commands/render_report.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "client/table.h"
@@ -86,19 +87,21 @@ std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
   const auto mega = [](std::uint64_t rays, double seconds) {
     return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
   };
+  const double shorter = std::min(render.camera_s, render.device_s());
   return Format(MapTable(photons, maps, render, traversals, times.render_s)) +
          FormatEnergy(photons) +
          fmt::format(
              "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} "
              "s, "
              "in all {:.2f} s\n"
-             "picture: camera {:.2f} s ({:.1f} Mrays/s), waiting for gathers {:.2f} s; the device "
-             "was busy for {:.2f} s, at least {:.0f} % of it while the client traced\n",
+             "picture: camera {:.2f} s ({:.1f} Mrays/s), server's device {:.2f} s, both at once "
+             "for "
+             "at least {:.2f} s, {:.0f} % of the shorter; waited {:.2f} s for answers\n",
              times.trace_s,
              mega(photons.report.indirect.rays + photons.report.caustic.rays, times.trace_s),
              times.build_s, times.render_s, times.whole_s, render.camera_s,
-             mega(render.rays, render.camera_s), render.wait_s(), render.device_s(),
-             100 * render.overlap());
+             mega(render.rays, render.camera_s), render.device_s(), render.overlap_s(),
+             shorter > 0 ? 100 * render.overlap_s() / shorter : 0, render.wait_s());
 }
 
 std::string FormatError(const ImageError& error, const std::string& reference_path) {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
+#include <future>
 #include <numeric>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,12 @@ constexpr std::uint64_t kMaxStrata = 1 << 24;
 constexpr std::size_t kMaxQueriesPerMessage = 131072;
 constexpr std::uint64_t kBytesPerQuery = 24;
 constexpr std::uint64_t kRestOfMessage = 65536;  // bytes, all but the queries
+
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
 
 /// Samples of the camera whose light is not all there yet, in the order in which they were traced.
 class OpenSamples {
@@ -99,8 +106,8 @@ double PhotonRenderedImage::device_s() const {
          (indirect.kernel_us + indirect.transfer_us + caustic.kernel_us + caustic.transfer_us);
 }
 
-double PhotonRenderedImage::overlap() const {
-  return device_s() > 0 ? std::max(0.0, 1 - wait_s() / device_s()) : 0;
+double PhotonRenderedImage::overlap_s() const {
+  return std::max(0.0, camera_s + device_s() - seconds);
 }
 
 absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersector,
@@ -110,6 +117,7 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   if (const auto status = CheckOptions(options); !status.ok()) return status;
   const auto max_queries = QueriesPerMessage(client);
   if (!max_queries.ok()) return max_queries.status();
+  const auto begin = Clock::now();
   PhotonRenderedImage result;
   const CameraRays camera(intersector.scene().camera, options.width, options.height);
   const Lights lights(intersector.scene());
@@ -149,13 +157,20 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
 
   const std::size_t batch_size = std::max<std::size_t>(
       kMinSamplesPerBatch, kRaysPerBatch / (1 + options.camera.final_gather_rays));
-  for (std::uint64_t first = 0; first < order.size(); first += batch_size) {
+  const auto trace = [&](std::uint64_t first) {
     const std::size_t count = std::min<std::uint64_t>(batch_size, order.size() - first);
-    const auto begin = std::chrono::steady_clock::now();
-    const CameraBatch batch =
-        TraceCameraBatch(intersector, lights, camera, order, first, count, options.camera);
-    result.camera_s +=
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const auto trace_begin = Clock::now();
+    auto batch = TraceCameraBatch(intersector, lights, camera, order, first, count, options.camera);
+    result.camera_s += SecondsSince(trace_begin);  // one batch at a time is traced
+    return batch;
+  };
+  // While a batch is sent and answers are taken, the next one is traced.
+  std::future<CameraBatch> next = std::async(std::launch::async, trace, 0);
+  for (std::uint64_t first = 0; first < order.size(); first += batch_size) {
+    const CameraBatch batch = next.get();
+    if (first + batch_size < order.size())
+      next = std::async(std::launch::async, trace, first + batch_size);
+    const std::size_t count = batch.radiance.size();
     result.rays += batch.rays;
     open.Append(batch.radiance);
     if (const auto status = add(batch, first); !status.ok()) return status;
@@ -179,6 +194,7 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   result.image = image.Mean();
   if (indirect) result.indirect = indirect->cost();
   if (caustic) result.caustic = caustic->cost();
+  result.seconds = SecondsSince(begin);
   return result;
 }
 

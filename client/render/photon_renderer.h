@@ -43,15 +43,16 @@ struct TraversalCost {
 struct PhotonRenderedImage {
   Image image;
   std::uint64_t rays = 0;  ///< camera and shadow rays
-  double camera_s = 0;     ///< spent tracing them; the server gathers meanwhile
+  double seconds = 0;      ///< from the first ray to the last answer
+  double camera_s = 0;     ///< of them camera rays were traced; the server gathers meanwhile
   GatherCost indirect{}, caustic{};
 
-  /// Spent waiting for the server.
+  /// That sending and taking answers waited for the server, while the camera may have traced.
   double wait_s() const { return indirect.wait_s + caustic.wait_s; }
   /// That the server's device was busy with gathers, transfers included.
   double device_s() const;
-  /// Share of device_s, [0, 1], that has surely passed while the client did not wait for it.
-  double overlap() const;
+  /// That camera and device were at work at once, at least.
+  double overlap_s() const;
 };
 
 /// Renders by photon mapping (Jensen 2001, chapters 7 to 9): direct light by shadow rays, caustics
