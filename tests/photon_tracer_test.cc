@@ -169,6 +169,30 @@ TEST(PhotonTracer, LosslessSpheresLeaveTheFurnaceAsItIs) {
   }
 }
 
+// A clear pane takes nothing away: on the walls, direct and stored light make the irradiance of the
+// furnace, pi E / (1 - rho). The path tracer sees the radiance E / (1 - rho) through it.
+TEST(PhotonTracer, AClearPaneLeavesTheFurnaceAsItIs) {
+  Scene furnace = MakeFurnace(0.5f, 1);
+  furnace.materials.push_back(
+      {.name = "sheet", .surface = Surface::kPane, .reflectance = {}, .ior = 1.5f});
+  AddQuad({0, 0.2f, 0.7f}, {1, 0.2f, 0.7f}, {1, 0.6f, 0.4f}, {0, 0.6f, 0.4f}, 1, furnace.mesh);
+  const TracedPhotons photons = MustTrace(furnace, {.indirect_photons = 200'000, .seed = 17});
+  const EnergyBalance& energy = photons.report.energy;
+  const double expected = std::numbers::pi / 0.5;
+  EXPECT_NEAR((energy.direct[0] + energy.indirect[0]) / 6, expected, 0.01 * expected);
+  const Intersector intersector = MustIntersect(furnace);
+  const Lights lights(intersector.scene());
+  RandomStream random(17, RandomPurpose::kReferencePath, 0);
+  double radiance = 0;
+  constexpr int kPaths = 50'000;
+  for (int i = 0; i < kPaths; ++i) {
+    const float u = random.Uniform(), v = random.Uniform();
+    const Ray ray{{0.5f, 0.8f, 0.8f}, CosineDirection({0, -1, 0}, u, v)};
+    radiance += TracePath(intersector, lights, ray, random).radiance.r / kPaths;
+  }
+  EXPECT_NEAR(radiance, 2, 0.02);
+}
+
 // The floor is lit from the image of the lamp at y = 3: L A cos^2 / d^2.
 TEST(PhotonTracer, CausticOfASmallLampHasTheAnalyticIrradiance) {
   constexpr float kSide = 0.1f, kRadiance = 50;

@@ -1,6 +1,9 @@
 #include "client/trace/random.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstdint>
 #include <set>
 
 #include "client/scenes/vector.h"
@@ -51,6 +54,24 @@ TEST(RandomStream, IsUniform) {
   for (const int count : bins) EXPECT_NEAR(count, kCount / 10, 500);
 }
 
+TEST(RandomStream, FineNumbersAreUniformToTheLastBits) {
+  RandomStream random(4, RandomPurpose::kPhotonPath, 0);
+  constexpr int kCount = 100'000;
+  std::array<int, 16> leading{}, trailing{};
+  for (int i = 0; i < kCount; ++i) {
+    const double u = random.FineUniform();
+    ASSERT_GE(u, 0);
+    ASSERT_LT(u, 1);
+    const auto bits = static_cast<std::uint64_t>(u * 0x1p53);
+    EXPECT_EQ(static_cast<double>(bits) * 0x1p-53, u);
+    ++leading[bits >> 49], ++trailing[bits & 15];
+  }
+  for (int i = 0; i < 16; ++i) {
+    EXPECT_NEAR(leading[i], kCount / 16, 400);
+    EXPECT_NEAR(trailing[i], kCount / 16, 400);
+  }
+}
+
 // About a normal n the density cos / pi has the mean (2/3) n, and cos^2 the mean 1/2.
 TEST(CosineDirection, HasTheMomentsOfItsDensity) {
   RandomStream random(2, RandomPurpose::kPhotonPath, 0);
@@ -71,6 +92,42 @@ TEST(CosineDirection, HasTheMomentsOfItsDensity) {
     EXPECT_NEAR(mean[1], 2.0 / 3 * normal.y, 0.005);
     EXPECT_NEAR(mean[2], 2.0 / 3 * normal.z, 0.005);
     EXPECT_NEAR(squared_cosine, 0.5, 0.005);
+  }
+}
+
+// Density (n + 1) / (2 pi) cos^n: the mean cosine is (n + 1) / (n + 2).
+TEST(PhongDirection, HasTheMeanOfItsDensity) {
+  RandomStream random(5, RandomPurpose::kPhotonPath, 0);
+  const Vec3 axis = Normalize(Vec3{1, -2, 2});
+  for (const float n : {0.0f, 1.0f, 30.0f}) {
+    double mean = 0;
+    constexpr int kCount = 100'000;
+    for (int i = 0; i < kCount; ++i) {
+      const float u = random.Uniform(), v = random.Uniform();
+      mean += Dot(PhongDirection(axis, n, u, v), axis) / double{kCount};
+    }
+    EXPECT_NEAR(mean, (n + 1) / (n + 2), 0.004) << n;
+  }
+}
+
+// However narrow the cone, directions stay in it and are uniform by solid angle: 1 - cos is.
+TEST(ConeDirection, IsUniformInTheCone) {
+  RandomStream random(6, RandomPurpose::kPhotonPath, 0);
+  const Vec3 axis = Normalize(Vec3{-1, 2, 3});
+  for (const float height : {2.0f, 0.5f, 1e-3f, 1e-9f}) {
+    double mean = 0;
+    constexpr int kCount = 50'000;
+    for (int i = 0; i < kCount; ++i) {
+      const float u = random.Uniform(), v = random.Uniform();
+      const Vec3 direction = ConeDirection(axis, height, u, v);
+      const Vec3 across = Cross(axis, direction);
+      const double sine = std::min(1.0f, Length(across));
+      const double drop = Dot(axis, direction) > 0 ? sine * sine / (1 + std::sqrt(1 - sine * sine))
+                                                   : 1 + std::sqrt(1 - sine * sine);
+      ASSERT_LE(drop, 1.02 * height);
+      mean += drop / height / kCount;
+    }
+    EXPECT_NEAR(mean, 0.5, 0.01) << height;
   }
 }
 
