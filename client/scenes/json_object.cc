@@ -69,7 +69,7 @@ double JsonObject::Number(const char* key, NumberRange range, std::optional<doub
   return otherwise.value_or(0);
 }
 
-std::string JsonObject::Text(const char* key, std::optional<std::string> otherwise) {
+std::string JsonObject::Text(const char* key, const std::optional<std::string>& otherwise) {
   const json* const value = Find(key, !otherwise);
   if (value == nullptr) return otherwise.value_or("");
   if (value->is_string()) return value->get<std::string>();

@@ -36,7 +36,7 @@ class JsonObject {
 
   // The values of keys. Without `otherwise` the key must be there.
   double Number(const char* key, NumberRange range, std::optional<double> otherwise = {});
-  std::string Text(const char* key, std::optional<std::string> otherwise = {});
+  std::string Text(const char* key, const std::optional<std::string>& otherwise = {});
   /// One of `names`, as its index.
   int Choice(const char* key, const std::vector<std::string_view>& names,
              std::optional<int> otherwise = {});

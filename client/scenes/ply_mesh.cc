@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t kMaxHeader = 1 << 16;  // bytes
 constexpr std::array<std::string_view, 6> kVertexNames = {"x", "y", "z", "nx", "ny", "nz"};
 
-absl::Status Invalid(std::string message) { return absl::InvalidArgumentError(std::move(message)); }
+absl::Status Invalid(const std::string& message) { return absl::InvalidArgumentError(message); }
 
 template <typename T>
 double Load(const char* bytes) {
@@ -173,7 +173,7 @@ bool IsCornerList(const PlyProperty& property) {
 
 /// Reads `count` corners and appends the fan of triangles that they are.
 absl::Status ReadPolygon(const PlyElement& element, std::uint64_t row, const PlyProperty& property,
-                         double count, Numbers& numbers, Mesh& mesh) {
+                         std::uint64_t count, Numbers& numbers, Mesh& mesh) {
   if (count < 3) return numbers.ErrorAt(element, row, fmt::format("{} corners", count));
   if (mesh.corners.size() + count - 2 > kMaxTriangles) {
     return absl::ResourceExhaustedError(
@@ -181,7 +181,7 @@ absl::Status ReadPolygon(const PlyElement& element, std::uint64_t row, const Ply
             .message());
   }
   std::array<std::uint32_t, 3> fan{};
-  for (double i = 0; i < count; ++i) {
+  for (std::uint64_t i = 0; i < count; ++i) {
     const auto index = numbers.Next(property.type);
     if (!index) return numbers.Missing(element, row);
     if (!(*index >= 0 && *index < static_cast<double>(mesh.vertices.size()) &&
@@ -203,21 +203,21 @@ absl::Status ReadRows(const PlyElement& element, Numbers& numbers, Mesh& mesh) {
   for (std::uint64_t row = 0; row < element.count; ++row) {
     numbers.BeginRow();
     for (const PlyProperty& property : element.properties) {
-      double count = 1;
+      std::uint64_t count = 1;
       if (property.list_count_type) {
         const auto size = numbers.Next(*property.list_count_type);
         if (!size) return numbers.Missing(element, row);
-        count = *size;
-        if (!(count >= 0 && count == std::floor(count)))
-          return numbers.ErrorAt(element, row, fmt::format("a list of {} numbers", count));
-        if (count > static_cast<double>(numbers.left())) return numbers.Missing(element, row);
+        if (!(*size >= 0 && *size == std::floor(*size)))
+          return numbers.ErrorAt(element, row, fmt::format("a list of {} numbers", *size));
+        if (*size > static_cast<double>(numbers.left())) return numbers.Missing(element, row);
+        count = static_cast<std::uint64_t>(*size);
       }
       if (element.name == "face" && IsCornerList(property)) {
         if (auto status = ReadPolygon(element, row, property, count, numbers, mesh); !status.ok())
           return status;
         continue;
       }
-      for (double i = 0; i < count; ++i) {
+      for (std::uint64_t i = 0; i < count; ++i) {
         if (!numbers.Next(property.type)) return numbers.Missing(element, row);
       }
     }

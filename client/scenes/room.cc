@@ -144,7 +144,8 @@ void AddTableware(Sequence& random, Mesh& mesh) {
                                                             {0.015f, 0.01f},
                                                             {0, 0.01f}}};
   for (int i = 0; i < 12; ++i) {
-    const float x = -2.1f + 0.84f * static_cast<float>(i / 2), z = i % 2 == 0 ? -0.5f : 0.5f;
+    const int place = i / 2;  // two sides
+    const float x = -2.1f + 0.84f * static_cast<float>(place), z = i % 2 == 0 ? -0.5f : 0.5f;
     AddBox({x, 0.7525f, z}, {0.21f, 0.004f, 0.297f}, 0.6f * (random.Next() - 0.5f), kCeiling, mesh);
     AddLathe({x + 0.24f, 0.751f, z * 0.8f}, kTumbler, 40, kGlass, mesh);
   }
