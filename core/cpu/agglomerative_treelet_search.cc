@@ -13,8 +13,9 @@ class AgglomerativeTreeletSearch : public TreeletSearch {
   TreeletPlan Find(std::span<const Subtree> leaves) override {
     TreeletPlan plan;
     clusters_.clear();
-    for (std::uint8_t i = 0; i < leaves.size(); ++i) {
-      clusters_.push_back({leaves[i].box, leaves[i].count, leaves[i].cost, i});
+    for (const Subtree& leaf : leaves) {
+      const auto number = static_cast<std::uint8_t>(clusters_.size());
+      clusters_.push_back({leaf.box, leaf.count, leaf.cost, number});
     }
     while (clusters_.size() > 1) {
       const auto [a, b] = NearestPair();

@@ -28,11 +28,12 @@ void AddDensity(const Photons& photons, const std::vector<Candidate>& found, con
   if (!(radius > 0) || std::isinf(radius)) return;
   for (const auto& [d2, id] : found) {
     if (normal != nullptr) {
-      const Vec3 d = DecodeOctahedral(photons.directions[2 * id], photons.directions[2 * id + 1]);
+      const std::int16_t* direction = &photons.directions[2 * std::size_t{id}];
+      const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
       if (d.x * normal[0] + d.y * normal[1] + d.z * normal[2] >= 0) continue;
     }
     const double weight = std::max(0.0, KernelWeight(kernel, d2, radius));
-    for (int c = 0; c < 3; ++c) sum[c] += weight * photons.powers[3 * id + c];
+    for (int c = 0; c < 3; ++c) sum[c] += weight * photons.powers[3 * std::size_t{id} + c];
   }
   const double area = std::numbers::pi * radius * radius;
   for (int c = 0; c < 3; ++c) density[c] = static_cast<float>(sum[c] / area);

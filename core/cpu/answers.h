@@ -13,7 +13,8 @@ namespace treelight {
 struct Candidate {
   float squared_distance;
   std::uint32_t id;
-  friend auto operator<=>(const Candidate&, const Candidate&) = default;
+  friend auto operator<=>(const Candidate&,
+                          const Candidate&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 /// What the search for one query found.

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <bit>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include "core/cpu/treelet_plan.h"
@@ -42,7 +43,7 @@ class KdTreeletSearch : public TreeletSearch {
   void SortLeaves() {
     for (int axis = 0; axis < 3; ++axis) {
       std::uint8_t* order = orders_[axis].data();
-      for (std::uint8_t i = 0; i < leaves_.size(); ++i) order[i] = i;
+      std::iota(order, order + leaves_.size(), std::uint8_t{0});
       std::sort(order, order + leaves_.size(), [&](std::uint8_t a, std::uint8_t b) {
         if (Min(a, axis) != Min(b, axis)) return Min(a, axis) < Min(b, axis);
         if (Max(a, axis) != Max(b, axis)) return Max(a, axis) < Max(b, axis);

@@ -35,11 +35,11 @@ class Loosener {
     const Subtree left = Visit({.box = MakeBox(node.left_min, node.left_max),
                                 .link = node.left,
                                 .count = node.left_count,
-                                .min_id = tree_.min_ids[2 * link]});
+                                .min_id = tree_.min_ids[2 * std::size_t{link}]});
     const Subtree right = Visit({.box = MakeBox(node.right_min, node.right_max),
                                  .link = node.right,
                                  .count = node.right_count,
-                                 .min_id = tree_.min_ids[2 * link + 1]});
+                                 .min_id = tree_.min_ids[2 * std::size_t{link} + 1]});
     loose_.nodes[link] = {left, right};
     return Join(link, left, right);
   }

@@ -56,7 +56,8 @@ class Restructurer {
       subtree.cost = cost_.MayMerge(subtree.count) ? cost_.Leaf(subtree.box, subtree.count) : 0.0f;
       return subtree;
     }
-    auto& [left, right] = tree_.nodes[subtree.link];
+    Subtree& left = tree_.nodes[subtree.link][0];
+    Subtree& right = tree_.nodes[subtree.link][1];
     if (subtree.count > kTaskPhotons) {
       tbb::parallel_invoke([&] { left = Visit(left, depth + 1); },
                            [&] { right = Visit(right, depth + 1); });
