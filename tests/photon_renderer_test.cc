@@ -140,9 +140,9 @@ Scene MakeMixedBox() {
 TEST_F(PhotonRendererTest, AgreesWithThePathTracerOnLobesMirrorsAndPanes) {
   const Intersector scene = MustIntersect(MakeMixedBox());
   const auto reference =
-      PathTrace(scene, {.width = kSide, .height = kSide, .samples_per_pixel = 4000, .seed = 1});
+      PathTrace(scene, {.width = kSide, .height = kSide, .samples_per_pixel = 1500, .seed = 1});
   ASSERT_TRUE(reference.ok()) << reference.status();
-  const auto maps = MustUpload(scene, 40'000);
+  const auto maps = MustUpload(scene, 25'000);
   ASSERT_TRUE(maps.caustic);
   for (const std::uint32_t gather_rays : {0, 2}) {
     const auto render =
@@ -159,6 +159,31 @@ TEST_F(PhotonRendererTest, AgreesWithThePathTracerOnLobesMirrorsAndPanes) {
   }
 }
 
+// A lamp behind a pane is sampled and met by the lobe, and counted once.
+TEST_F(PhotonRendererTest, LobesSeeLampsThroughPanesOnce) {
+  Scene scene = MakeLampOverFloor(5, 3);
+  scene.materials[0] = {.name = "floor",
+                        .surface = Surface::kGlossy,
+                        .reflectance = {},
+                        .specular = {0.8f, 0.8f, 0.8f},
+                        .exponent = 30};
+  scene.materials.push_back(
+      {.name = "pane", .surface = Surface::kPane, .reflectance = {}, .ior = 1.5f});
+  AddQuad({-9, 0.6f, 9}, {9, 0.6f, 9}, {9, 0.6f, -9}, {-9, 0.6f, -9}, 2, scene.mesh);
+  scene.camera = {.position = {0.6f, 0.3f, 0}, .target = {0.3f, 0, 0}, .vertical_fov_degrees = 20};
+  const Intersector intersector = MustIntersect(scene);
+  const auto reference = PathTrace(
+      intersector, {.width = kSide, .height = kSide, .samples_per_pixel = 600, .seed = 1});
+  ASSERT_TRUE(reference.ok()) << reference.status();
+  // No photons: what light there is comes by way of lobes and panes alone.
+  const auto render = MustRender(
+      intersector, {}, {.width = kSide, .height = kSide, .camera = {.samples_per_pixel = 64}});
+  const auto error = Compare(render.image, reference->image);
+  ASSERT_TRUE(error.ok());
+  EXPECT_NEAR(error->mean_ratio, 1, 0.01);
+  EXPECT_LT(error->relative_mse, 0.01);
+}
+
 // Lobes are lit by point lights through shadow rays, also behind a pane.
 TEST_F(PhotonRendererTest, AgreesWithThePathTracerOnPointLights) {
   Scene box = MakeMixedBox();
@@ -168,9 +193,9 @@ TEST_F(PhotonRendererTest, AgreesWithThePathTracerOnPointLights) {
   ASSERT_FALSE(MissingFromReference(box));
   const Intersector scene = MustIntersect(box);
   const auto reference =
-      PathTrace(scene, {.width = kSide, .height = kSide, .samples_per_pixel = 2000, .seed = 1});
+      PathTrace(scene, {.width = kSide, .height = kSide, .samples_per_pixel = 1000, .seed = 1});
   ASSERT_TRUE(reference.ok()) << reference.status();
-  const auto maps = MustUpload(scene, 40'000);
+  const auto maps = MustUpload(scene, 25'000);
   const auto render = MustRender(scene, maps.refs(),
                                  {.width = kSide,
                                   .height = kSide,
