@@ -18,7 +18,7 @@ namespace {
 constexpr float kUnlimited = std::numeric_limits<float>::infinity();
 constexpr std::uint32_t kAll = kOutputCount | kOutputRadius | kOutputNeighbors | kOutputStatistics;
 
-/// `tree` on the test device.
+/// `tree` on the test device, without a wide tree: its visits are of the binary one.
 std::unique_ptr<Gatherer> OnDevice(const Tree& tree, const Photons& photons) {
   DeviceMap map;
   map.gpu = TestGpu();
@@ -27,7 +27,7 @@ std::unique_ptr<Gatherer> OnDevice(const Tree& tree, const Photons& photons) {
   map.tree.min_ids = Upload(tree.min_ids);
   map.tree.photons = Upload(tree.photons);
   map.powers = Upload(photons.powers);
-  map.directions = Buffer<cl_short>(TestGpu().context(), 0);
+  map.directions = Buffer<cl_short>(TestGpu().memory(), 0);
   map.grid = MakeMortonGrid({}, 10);
   map.photon_count = photons.size();
   map.has_powers = !photons.powers.empty();
@@ -53,8 +53,8 @@ void ExpectTheSame(const Gatherer& cpu, const Gatherer& device, const GatherQuer
 TEST(TraverseTest, VisitsWhatTheDeviceVisits) {
   for (const CloudShape& shape : AllClouds()) {
     const Photons photons = MakeCloud(shape, 3001, /*seed=*/7);
-    const auto device = *TestBuilder().Build(photons, {.max_leaf_size = 8});
-    const auto cpu = MakeTreeGatherer(photons, *device->ReadTree(), {});
+    const Tree tree = *(*TestBuilder().Build(photons, {.max_leaf_size = 8}))->ReadTree();
+    const auto device = OnDevice(tree, photons), cpu = MakeTreeGatherer(photons, tree, {});
     const auto positions = MakeQueries(photons, 97, /*seed=*/8);
     const GatherQueries queries{.positions = positions};
     auto radii = cpu->Gather(queries, {.k = 50, .outputs = kOutputRadius})->radii;
@@ -95,8 +95,8 @@ INSTANTIATE_TEST_SUITE_P(Kinds, EveryTreeKind, testing::ValuesIn(AllTreeKinds())
 
 TEST(SearchStatisticsTest, AreTheSameOnEveryDevice) {
   const Photons photons = MakeCloud(CloudNamed("surfaces"), 3001, /*seed=*/7);
-  const auto device = *TestBuilder().Build(photons, {.max_leaf_size = 8});
   const auto cpu = *MakeCpuBuilder()->Build(photons, {.max_leaf_size = 8});
+  const auto device = OnDevice(*cpu->ReadTree(), photons);
   const auto queries = std::span(photons.positions).first(3 * 100);
   const auto expected = MeasureSearches(*device, queries), actual = MeasureSearches(*cpu, queries);
   ASSERT_TRUE(expected.ok()) << expected.status();
