@@ -43,9 +43,6 @@ class PathClass {
     if (event == Event::kSpecular) (MakesCaustics(material) ? caustic_ : reflected_by_pane_) = true;
   }
 
-  /// No photon of kCaustic can follow.
-  bool diffuse() const { return diffuse_; }
-
  private:
   bool diffuse_ = false, caustic_ = false, reflected_by_pane_ = false;
 };
@@ -64,8 +61,8 @@ void AddEncounter(const Encounter& encounter, bool wide, EnergyBalance& energy) 
   Add(wide ? energy.absorbed_diffuse : energy.absorbed_elsewhere, corrected - encounter.leaving);
 }
 
-/// Decides by `u` whether a path lives on that arrives at a surface with `arriving` and leaves it
-/// with `power`; sets the power that it goes on with.
+/// Decides by `u` whether a path lives on that leaves a surface with `power`, in proportion to
+/// `arriving`; sets the power that it goes on with.
 bool Survive(const Rgb& arriving, float u, Rgb& power, EnergyBalance& energy) {
   const float probability = std::min(1.0f, MaxChannel(power) / MaxChannel(arriving));
   Add(energy.roulette, power);
@@ -102,6 +99,8 @@ void FollowPath(const PhotonPaths& paths, RandomStream& random, PhotonBatch& bat
   auto [ray, power] = Emit(paths, random);
   Add(energy.emitted, power);
   PathClass path;
+  // A diffuse event would end a path of the caustic set: none is drawn.
+  const Lobes lobes = paths.set == PhotonSet::kCaustic ? Lobes::kSpecular : Lobes::kAll;
   for (std::uint32_t bounce = 0; bounce < paths.max_bounces; ++bounce) {
     if (!(MaxChannel(power) > 0)) return;
     ++batch.rays;
@@ -111,7 +110,7 @@ void FollowPath(const PhotonPaths& paths, RandomStream& random, PhotonBatch& bat
     if (wide) Arrive(paths, ray, *hit, path, power, batch);
 
     const float u = random.Uniform(), v = random.Uniform(), survival = random.Uniform();
-    const auto scattering = SampleScattering(ray, *hit, PathFrom::kLight, u, v);
+    const auto scattering = SampleScattering(ray, *hit, PathFrom::kLight, u, v, lobes);
     const Rgb arriving = power;
     if (!scattering) {
       AddEncounter({.arriving = arriving, .leaving = {}}, wide, energy);
@@ -121,8 +120,8 @@ void FollowPath(const PhotonPaths& paths, RandomStream& random, PhotonBatch& bat
     AddEncounter({.arriving = arriving, .leaving = power, .shading = scattering->shading}, wide,
                  energy);
     path.Add(scattering->event, *hit->material);
-    if (paths.set == PhotonSet::kCaustic && path.diffuse()) return;
-    if (!Survive(arriving, survival, power, energy)) return;
+    const float scale = bounce == 0 ? paths.max_specular : 1;
+    if (!Survive(scale * arriving, survival, power, energy)) return;
     ray = LeaveSurface(*hit, scattering->direction);
   }
   Add(energy.cut, power);
@@ -137,6 +136,27 @@ void TracePath(const PhotonPaths& paths, std::uint64_t index, PhotonBatch& batch
       index);
   FollowPath(paths, random, batch);
   batch.stored_until.push_back(static_cast<std::uint32_t>(batch.photons.size()));
+}
+
+float MaxSpecular(const Scene& scene) {
+  float largest = 0;
+  for (const Material& material : scene.materials) {
+    switch (material.surface) {
+      case Surface::kDiffuse:
+        break;
+      case Surface::kGlossy:  // the weight of the lobe at right angles
+        largest = std::max(largest, MaxChannel(material.specular) * (material.exponent + 2) /
+                                        (material.exponent + 1));
+        break;
+      case Surface::kMirror:
+        largest = std::max(largest, MaxChannel(material.reflectance));
+        break;
+      case Surface::kDielectric:
+      case Surface::kPane:
+        return 1;
+    }
+  }
+  return std::min(largest, 1.0f);
 }
 
 void Add(Power& sum, const Rgb& power) { sum[0] += power.r, sum[1] += power.g, sum[2] += power.b; }

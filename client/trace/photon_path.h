@@ -29,7 +29,14 @@ struct PhotonPaths {
   PhotonSet set;
   std::uint64_t seed;
   std::uint32_t max_bounces;
+  /// kCaustic: the largest share of power that a specular event of the scene lets through. The
+  /// first event of a path is survived in proportion to it, so that where all lobes are faint paths
+  /// are not lost on them.
+  float max_specular = 1;
 };
+
+/// PhotonPaths::max_specular of `scene`.
+float MaxSpecular(const Scene& scene);
 
 /// Traces path `index` and adds it to `batch`.
 void TracePath(const PhotonPaths& paths, std::uint64_t index, PhotonBatch& batch);

@@ -119,6 +119,7 @@ absl::StatusOr<TraceReport> TracePhotons(const Intersector& intersector,
   }
   if (options.caustic_photons > 0 && !targets.empty()) {
     paths.set = PhotonSet::kCaustic;
+    paths.max_specular = MaxSpecular(intersector.scene());
     if (options.caustic_emission == CausticEmission::kTargeted) paths.targets = &targets;
     const auto progress = [&](std::uint64_t photons) {
       if (options.progress) options.progress(report.indirect.photons + photons);
