@@ -93,8 +93,11 @@ std::vector<Range> SplitByCounts(const std::vector<std::uint32_t>& counts,
 // Says from which query on an error counts, where a batch did not begin with the first.
 absl::Status CountedFrom(const absl::Status& status, std::size_t first_query) {
   if (first_query == 0) return status;
-  return {status.code(),
-          fmt::format("{} (counted from query {})", std::string(status.message()), first_query)};
+  absl::Status told(status.code(), fmt::format("{} (counted from query {})",
+                                               std::string(status.message()), first_query));
+  status.ForEachPayload(
+      [&](absl::string_view url, const absl::Cord& payload) { told.SetPayload(url, payload); });
+  return told;
 }
 
 void AddTimings(const v1::Timings& part, v1::Timings& sum) {
@@ -171,6 +174,12 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::Gather(const MapRef& map,
                                                      const GatherOptions& options) {
   if (const auto status = CheckLengths(queries); !status.ok()) return status;
   const Deadline deadline = impl_->NextDeadline();
+  return impl_->Repeat(deadline, [&] { return GatherOnce(map, queries, options, deadline); });
+}
+
+absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
+    const MapRef& map, const GatherQueries& queries, const GatherOptions& options,
+    std::chrono::system_clock::time_point deadline) {
   const auto limits = impl_->GetLimits(deadline);
   if (!limits.ok()) return limits.status();
   const std::uint64_t queries_per_batch = QueriesPerBatch(queries, options, *limits);
@@ -190,9 +199,8 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::Gather(const MapRef& map,
                       : GatherRanges(*impl_->stub, pinned, queries, options, ranges, deadline);
   if (answer.ok()) return answer;
   impl_->ForgetLimits();
-  if (!absl::IsResourceExhausted(answer.status()) || !Wants(options, kOutputNeighbors) ||
-      options.k != 0)
-    return answer;
+  const bool too_large = absl::IsResourceExhausted(answer.status()) && !RetryDelay(answer.status());
+  if (!too_large || !Wants(options, kOutputNeighbors) || options.k != 0) return answer;
 
   // Uncapped lists may be more than the server keeps for one batch: count them, and cut the queries
   // by the counts.

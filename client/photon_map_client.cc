@@ -34,6 +34,12 @@ PhotonMapClient::PhotonMapClient(std::shared_ptr<grpc::Channel> channel,
 
 PhotonMapClient::~PhotonMapClient() = default;
 
+void PhotonMapClient::SetRetryPatience(std::chrono::milliseconds patience) {
+  impl_->retry_patience = patience;
+}
+
+std::chrono::milliseconds PhotonMapClient::RetryPatience() const { return impl_->retry_patience; }
+
 absl::StatusOr<v1::ServerInfo> PhotonMapClient::GetServerInfo() {
   return impl_->Call(&v1::PhotonMapService::Stub::GetServerInfo, v1::GetServerInfoRequest(),
                      impl_->NextDeadline());

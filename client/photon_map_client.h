@@ -42,6 +42,11 @@ struct GatherAnswer {
 ///
 /// Every call returns the server's status: the code and message that photon_map.proto documents;
 /// UNAVAILABLE where no server answers. `timeout` bounds each call; zero means none.
+///
+/// A server that has no room at present refuses with RESOURCE_EXHAUSTED and says when to repeat.
+/// BuildPhotonMap and Gather then wait and repeat by themselves, as long as the timeout allows and
+/// at most RetryPatience() together; GatherPipeline does not. The last refusal is returned; its
+/// message has the limit, what was asked and when to repeat.
 class PhotonMapClient {
  public:
   /// `target` as gRPC takes it: "127.0.0.1:7543", "unix:/run/treelight.sock". Does not connect yet.
@@ -50,6 +55,11 @@ class PhotonMapClient {
   explicit PhotonMapClient(std::shared_ptr<grpc::Channel> channel,
                            std::chrono::milliseconds timeout = {});
   ~PhotonMapClient();
+
+  /// How long calls may wait for a server without room, all pauses of one call together; zero: they
+  /// are not repeated. 30 s at first. Not safe while another thread calls.
+  void SetRetryPatience(std::chrono::milliseconds patience);
+  std::chrono::milliseconds RetryPatience() const;
 
   absl::StatusOr<v1::ServerInfo> GetServerInfo();
   absl::StatusOr<std::vector<v1::PhotonMap>> ListPhotonMaps();
@@ -69,6 +79,9 @@ class PhotonMapClient {
  private:
   friend class GatherPipeline;
   struct Impl;
+  absl::StatusOr<GatherAnswer> GatherOnce(const MapRef& map, const GatherQueries& queries,
+                                          const GatherOptions& options,
+                                          std::chrono::system_clock::time_point deadline);
   std::unique_ptr<Impl> impl_;
 };
 

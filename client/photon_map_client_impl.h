@@ -5,9 +5,11 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <thread>
 
 #include "absl/status/statusor.h"
 #include "client/photon_map_client.h"
+#include "client/retry.h"
 #include "client/status.h"
 #include "grpcpp/channel.h"
 #include "grpcpp/client_context.h"
@@ -41,6 +43,19 @@ struct PhotonMapClient::Impl {
     return response;
   }
 
+  /// Makes `attempt` until it is no refusal that is worth a repeat.
+  template <typename Attempt>
+  auto Repeat(Deadline deadline, Attempt attempt) {
+    RetryPolicy policy(deadline, retry_patience);
+    while (true) {
+      auto result = attempt();
+      if (result.ok()) return result;
+      const auto pause = policy.NextPause(result.status());
+      if (!pause) return result;
+      std::this_thread::sleep_for(*pause);
+    }
+  }
+
   /// The server's limits, asked for once; a limit that the server does not tell has its documented
   /// value.
   absl::StatusOr<v1::ServerLimits> GetLimits(Deadline deadline);
@@ -51,6 +66,7 @@ struct PhotonMapClient::Impl {
 
   const std::unique_ptr<v1::PhotonMapService::Stub> stub;
   const std::chrono::milliseconds timeout;  // zero: none
+  std::chrono::milliseconds retry_patience = std::chrono::seconds(30);
 
  private:
   std::mutex mutex_;

@@ -110,8 +110,10 @@ absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::BuildPhotonMap(
   // A connection that breaks leaves open whether the map was built; the request id makes it safe to
   // ask again.
   for (int attempt = 1;; ++attempt) {
-    auto response =
-        Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options, deadline);
+    auto response = impl_->Repeat(deadline, [&] {
+      return Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options,
+                    deadline);
+    });
     if (response.ok()) return response;
     impl_->ForgetLimits();
     if (!absl::IsUnavailable(response.status()) || attempt == kAttemptCount) return response;

@@ -3,12 +3,20 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <string>
 #include <utility>
 
+#include "fmt/format.h"
 #include "server/answer.h"
 
 namespace treelight::server {
 namespace {
+
+/// How often the bytes of a request may be here: as it came, parsed, and once more of one that gRPC
+/// has read ahead.
+constexpr std::uint64_t kMessageCopies = 3;
+
+constexpr std::uint64_t kNeighborBytes = sizeof(std::uint32_t) + sizeof(float);
 
 std::uint64_t Sum(const std::vector<std::uint32_t>& numbers) {
   return std::accumulate(numbers.begin(), numbers.end(), std::uint64_t{0});
@@ -19,23 +27,34 @@ std::uint64_t Sum(const std::vector<std::uint32_t>& numbers) {
 Batch::Batch(State& state, const Call& call, AnswerForm form)
     : state_(state), call_(call), form_(form), record_(call.NewRecord()) {}
 
-void Batch::Run(const v1::GatherRequest& request, std::function<void(const absl::Status&)> done) {
+void Batch::Run(const v1::GatherRequest& request, Done done) {
   Describe(request);
   if (!call_.admission().ok()) return done(call_.admission());
+  const auto admitted =
+      TakeMemory(Holder::kMessages, kMessageCopies * record_.bytes_in, message_memory_);
+  if (!admitted.ok()) return done(admitted);
   state_.RunOnCpu(record_.bytes_in, [this, &request, done = std::move(done)] {
     if (auto status = Parse(request); !status.ok()) return done(status);
-    const auto submitted =
-        state_.device_queue.Submit([this] { return call_.Alive(); },
-                                   [this, done](const absl::Status& turn, double queue_us) {
-                                     record_.timings.set_queue_us(queue_us);
-                                     if (!turn.ok()) return done(turn);
-                                     const Stopwatch held;
-                                     const auto status = call_.Explain(Gather());
-                                     record_.device_us = held.microseconds();
-                                     done(status);
-                                   });
-    if (!submitted.ok()) done(submitted);
+    GatherNext(done);
   });
+}
+
+void Batch::GatherNext(Done done) {
+  slice_ = {slice_.last, std::min(slice_.last + slice_size_, batch_.size())};
+  const auto submitted = state_.device_queue.Submit(
+      [this] { return call_.Alive(); },
+      [this, done](const absl::Status& turn, double queue_us) {
+        v1::Timings& timings = record_.timings;
+        timings.set_queue_us(timings.queue_us() + queue_us);
+        if (!turn.ok()) return done(turn);
+        const Stopwatch held;
+        const auto status = call_.Explain(Gather());
+        record_.device_us = record_.device_us.value_or(0) + held.microseconds();
+        done(status);
+      },
+      {.work = Work::Gather(batch_.options.k, slice_.last - slice_.first),
+       .deadline = call_.deadline()});
+  if (!submitted.ok()) done(submitted);
 }
 
 /// What the log tells of a batch, also of one that is refused.
@@ -70,36 +89,79 @@ absl::Status Batch::Parse(const v1::GatherRequest& request) {
   // there.
   batch_.options.max_neighbors = limits.max_neighbors;
   const bool lists = (batch_.options.outputs & kOutputNeighbors) != 0;
-  return CheckNeighborCount(lists ? std::uint64_t{batch_.options.k} * batch_.size() : 0,
-                            batch_.options);
+  const auto fits = CheckNeighborCount(lists ? std::uint64_t{batch_.options.k} * batch_.size() : 0,
+                                       batch_.options);
+  return fits.ok() ? AdmitAnswer() : fits;
+}
+
+absl::Status Batch::TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget::Share& share) {
+  const std::string what = fmt::format("batch of {} queries, k {}", *record_.queries, *record_.k);
+  auto taken = state_.memory.Take(holder, bytes, what, state_.device_queue.RetryDelay());
+  if (!taken.ok()) return taken.status();
+  share = *std::move(taken);
+  return absl::OkStatus();
+}
+
+/// Cuts the batch into slices and takes the memory for one of them, with what of it is in messages.
+/// Lists without a cap are of unknown length: they are not cut, and paid for where they are
+/// gathered.
+absl::Status Batch::AdmitAnswer() {
+  const Limits& limits = state_.options.limits;
+  const std::uint64_t query_bytes = std::max<std::uint64_t>(1, LargestAnswer(batch_.options, 1, 0));
+  const bool whole = form_ == AnswerForm::kMessage || batch_.options.k == 0;
+  slice_size_ =
+      whole ? batch_.size() : std::max<std::uint64_t>(1, limits.max_slice_bytes / query_bytes);
+  const std::uint64_t slice_bytes = query_bytes * std::min(slice_size_, batch_.size());
+  // A part is there twice: made, and on its way in gRPC.
+  const std::uint64_t part_bytes =
+      std::min(slice_bytes, form_ == AnswerForm::kMessage ? limits.max_message_bytes
+                                                          : 2 * limits.max_part_bytes);
+  return TakeMemory(Holder::kAnswers, slice_bytes + part_bytes, answer_memory_);
 }
 
 absl::Status Batch::Gather() {
-  auto result = map_->gatherer->Gather(batch_.queries(), batch_.options, call_.cancelled());
+  const bool lists = batch_.options.k == 0 && (batch_.options.outputs & kOutputNeighbors) != 0;
+  MemoryBudget::Share list_memory;
+  if (lists) {
+    const auto taken =
+        TakeMemory(Holder::kAnswers, kNeighborBytes * batch_.options.max_neighbors, list_memory);
+    if (!taken.ok()) return taken;
+  }
+  result_ = {};  // the last slice goes before the next comes
+  auto result = map_->gatherer->Gather(batch_.queries(slice_.first, slice_.last), batch_.options,
+                                       call_.cancelled());
   if (!result.ok()) return result.status();
   result_ = *std::move(result);
-  record_.timings.set_upload_us(result_.times.upload_us);
-  record_.timings.set_kernel_us(result_.times.kernel_us);
-  record_.timings.set_download_us(result_.times.download_us);
-  if ((batch_.options.outputs & kOutputStatistics) != 0) {
-    record_.nodes_visited = Sum(result_.nodes_visited);
-    record_.distance_tests = Sum(result_.distance_tests);
+  if (lists) {
+    answer_memory_.Resize(answer_memory_.bytes() + kNeighborBytes * result_.neighbor_ids.size());
   }
+  AddTimes();
   return absl::OkStatus();
+}
+
+void Batch::AddTimes() {
+  v1::Timings& timings = record_.timings;
+  timings.set_upload_us(timings.upload_us() + result_.times.upload_us);
+  timings.set_kernel_us(timings.kernel_us() + result_.times.kernel_us);
+  timings.set_download_us(timings.download_us() + result_.times.download_us);
+  if ((batch_.options.outputs & kOutputStatistics) == 0) return;
+  record_.nodes_visited = record_.nodes_visited.value_or(0) + Sum(result_.nodes_visited);
+  record_.distance_tests = record_.distance_tests.value_or(0) + Sum(result_.distance_tests);
 }
 
 absl::Status Batch::WriteNext(v1::GatherResponse& response) {
   const Stopwatch watch;
-  const auto last =
-      form_ == AnswerForm::kMessage
-          ? batch_.size()
-          : FindPartEnd(result_, batch_.options, batch_.size(), next_query_, state_.options.limits);
+  const std::size_t first = next_query_ - slice_.first, count = slice_.last - slice_.first;
+  const auto last = form_ == AnswerForm::kMessage
+                        ? count
+                        : FindPartEnd(result_, batch_.options, count, first, state_.options.limits);
   if (!last.ok()) return last.status();
   response.set_batch_id(*record_.batch_id);
   response.set_map(map_->name);
   response.set_version(map_->version);
-  WritePart(result_, batch_.options, next_query_, *last, response);
-  next_query_ = *last;
+  WritePart(result_, batch_.options, first, *last, response);
+  response.set_first_query(static_cast<std::uint32_t>(next_query_));
+  next_query_ = slice_.first + *last;
   v1::Timings& timings = record_.timings;
   timings.set_serialise_us(timings.serialise_us() + watch.microseconds());
   if (complete()) {
@@ -113,8 +175,8 @@ absl::Status Batch::WriteNext(v1::GatherResponse& response) {
 
 std::size_t Batch::next_bytes() const {
   const std::uint64_t neighbors = result_.neighbor_ids.size();
-  const std::uint64_t bytes =
-      LargestAnswer(batch_.options, batch_.size(), 0) + (batch_.options.k == 0 ? 8 * neighbors : 0);
+  const std::uint64_t bytes = LargestAnswer(batch_.options, slice_.last - slice_.first, 0) +
+                              (batch_.options.k == 0 ? 8 * neighbors : 0);
   return std::min<std::uint64_t>(bytes, state_.options.limits.max_part_bytes);
 }
 

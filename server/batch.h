@@ -21,20 +21,31 @@ enum class AnswerForm {
 
 /// One batch of queries on its way to its answer: parsed, queued, gathered, written into messages,
 /// logged. Not thread-safe; each step follows the one before.
+///
+/// A batch of a stream with k > 0 is gathered in slices of Limits::max_slice_bytes of answers, the
+/// next once the parts of the last are written, so that a client that reads slowly makes the server
+/// hold one slice and not all.
 class Batch {
  public:
+  /// How a step has ended; called exactly once, with nothing held and not always on another thread.
+  using Done = std::function<void(const absl::Status&)>;
+
   /// Everything outlives the batch.
   Batch(State& state, const Call& call, AnswerForm form);
 
-  /// Parses `request`, waits for the device and gathers. `done` is called exactly once, with
-  /// nothing held and not always on another thread: OK, or the error that photon_map.proto
-  /// documents, UNAVAILABLE where the call was not admitted. `request` may go once it is called.
-  void Run(const v1::GatherRequest& request, std::function<void(const absl::Status&)> done);
+  /// Parses `request`, waits for the device and gathers the first slice. `done`: OK, or the error
+  /// that photon_map.proto documents, UNAVAILABLE where the call was not admitted. `request` may go
+  /// once it is called.
+  void Run(const v1::GatherRequest& request, Done done);
+
+  /// Waits for the device and gathers the next slice, once the parts of the last are written.
+  void GatherNext(Done done);
 
   /// Writes the next part of the answer, the whole for AnswerForm::kMessage. RESOURCE_EXHAUSTED:
   /// see FindPartEnd.
   absl::Status WriteNext(v1::GatherResponse& response);
 
+  bool slice_written() const { return next_query_ == slice_.last; }
   bool complete() const { return next_query_ == batch_.size(); }  ///< all parts are written
   std::size_t next_bytes() const;  ///< about what the next part will take
 
@@ -42,8 +53,15 @@ class Batch {
   void Log(const absl::Status& status);
 
  private:
+  struct Slice {
+    std::size_t first = 0, last = 0;  // queries
+  };
+
   absl::Status Parse(const v1::GatherRequest& request);
+  absl::Status TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget::Share& share);
+  absl::Status AdmitAnswer();
   absl::Status Gather();
+  void AddTimes();
   void Describe(const v1::GatherRequest& request);
 
   State& state_;
@@ -52,9 +70,13 @@ class Batch {
   const Stopwatch watch_;
   RequestRecord record_;
   MapHandle map_;
+  // Before what they pay for: given back after it.
+  MemoryBudget::Share message_memory_, answer_memory_;
   GatherBatch batch_;
+  std::size_t slice_size_ = 0;  // queries
+  Slice slice_;                 // what result_ answers
   GatherResult result_;
-  std::size_t next_query_ = 0;
+  std::size_t next_query_ = 0;  // in no part yet
 };
 
 }  // namespace treelight::server

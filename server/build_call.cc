@@ -1,5 +1,6 @@
 #include "server/build_call.h"
 
+#include <string>
 #include <utility>
 
 #include "fmt/format.h"
@@ -14,13 +15,19 @@ BuildCall::BuildCall(State& state, grpc::CallbackServerContext& context,
       record_(call_.NewRecord()) {
   record_.device = state.device_name();
   if (call_.admission().ok()) {
-    StartRead(&message_);
+    Read();
   } else {
     End(call_.admission());
   }
 }
 
+void BuildCall::Read() {
+  call_.AwaitClient();
+  StartRead(&message_);
+}
+
 void BuildCall::OnReadDone(bool ok) {
+  call_.ClientMoved();
   if (!ok) {
     // The client has sent all it will, or has gone.
     if (auto status = call_.Alive(); !status.ok()) return End(status);
@@ -34,14 +41,17 @@ void BuildCall::OnReadDone(bool ok) {
     known_ = state_.store.FindRequest(plan_.request_id);
     if (known_ != nullptr) upload_.reset();
   }
-  StartRead(&message_);
+  Read();
 }
 
-void BuildCall::OnDone() {
-  // Freeing a large upload takes too long for a thread of gRPC.
+/// Gives back what the build has taken, before its client learns that it is over.
+void BuildCall::Release() {
+  // Freeing a large upload takes too long for a thread of gRPC. The memory is given back after it.
   const std::size_t bytes = record_.bytes_in;
-  state_.RunOnCpu(bytes, [photons = std::move(photons_), upload = std::move(upload_)] {});
-  delete this;
+  state_.RunOnCpu(bytes, [memory = std::move(upload_memory_), photons = std::move(photons_),
+                          upload = std::move(upload_)] {});
+  map_memory_ = {};
+  slot_ = {};
 }
 
 absl::Status BuildCall::TakeMessage() {
@@ -71,10 +81,34 @@ absl::Status BuildCall::TakeHeader(const v1::BuildHeader& header) {
                                       DeviceBytes(state_.store.List()));
     if (!room.ok()) return room;
   }
+  if (auto status = Admit(); !status.ok()) return status;
   auto upload = Upload::Start(plan_, state_.options.limits);
   if (!upload.ok()) return upload.status();
   upload_ = *std::move(upload);
   return absl::OkStatus();
+}
+
+/// Takes what the build will need, before any photon is here.
+absl::Status BuildCall::Admit() {
+  if (auto status = state_.device_queue.Check(Ask()); !status.ok()) return status;
+  const auto retry_delay = state_.device_queue.RetryDelay();
+  auto slot = state_.build_slots.Take(retry_delay);
+  if (!slot.ok()) return slot.status();
+  slot_ = *std::move(slot);
+  const std::string what = fmt::format("header.photon_count is {}", plan_.photon_count);
+  auto upload = state_.memory.Take(Holder::kUploads, UploadBytes(plan_, state_.options.limits),
+                                   what, retry_delay);
+  if (!upload.ok()) return upload.status();
+  upload_memory_ = *std::move(upload);
+  if (!state_.maps_in_host_memory()) return absl::OkStatus();
+  auto map = state_.memory.Take(Holder::kMaps, MapBytes(plan_), what, retry_delay);
+  if (!map.ok()) return map.status();
+  map_memory_ = *std::move(map);
+  return absl::OkStatus();
+}
+
+DeviceAsk BuildCall::Ask() const {
+  return {.work = Work::Build(plan_.photon_count), .deadline = call_.deadline()};
 }
 
 void BuildCall::Submit() {
@@ -96,7 +130,8 @@ void BuildCall::Submit() {
                                    const absl::Status status = Build();
                                    record_.device_us = held.microseconds();
                                    End(status);
-                                 });
+                                 },
+                                 Ask());
   if (!submitted.ok()) End(submitted);
 }
 
@@ -117,7 +152,9 @@ absl::Status BuildCall::Build() {
                 .options = plan_.options,
                 .gatherer = *std::move(gatherer),
                 .created = std::chrono::system_clock::now(),
-                .expires = {}};
+                .expires = {},
+                .memory = std::move(map_memory_)};
+  map.memory.Resize(map.gatherer->report().device_bytes);  // of a map in host memory
   if (plan_.time_to_live.count() > 0) map.expires = map.created + plan_.time_to_live;
   for (const StageTime& stage : map.gatherer->report().stages) {
     v1::Timings& timings = record_.timings;
@@ -149,6 +186,7 @@ void BuildCall::Answer(const MapHandle& map) {
 void BuildCall::End(const absl::Status& status) {
   if (!status.ok()) record_.timings.set_total_us(watch_.microseconds());
   state_.log->Write(record_, status);
+  Release();
   Finish(ToGrpcStatus(status));
 }
 

@@ -20,14 +20,18 @@ class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest
             v1::BuildPhotonMapResponse& response);
 
   void OnReadDone(bool ok) override;
-  void OnDone() override;
+  void OnDone() override { delete this; }
 
  private:
   absl::Status TakeMessage();
   absl::Status TakeHeader(const v1::BuildHeader& header);
+  absl::Status Admit();
+  DeviceAsk Ask() const;
+  void Read();
   void Submit();
   absl::Status Build();
   void Answer(const MapHandle& map);
+  void Release();
   void End(const absl::Status& status);
 
   State& state_;
@@ -37,9 +41,12 @@ class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest
   RequestRecord record_;
   v1::BuildPhotonMapRequest message_;  // the one being read
   BuildPlan plan_;
-  MapHandle known_;               // what an earlier call with the same request id has built
-  std::optional<Upload> upload_;  // from the header on
-  Photons photons_;               // once all are here
+  MapHandle known_;        // what an earlier call with the same request id has built
+  BuildSlots::Slot slot_;  // from the header on
+  MemoryBudget::Share upload_memory_;
+  MemoryBudget::Share map_memory_;  // until the map has it
+  std::optional<Upload> upload_;    // from the header on
+  Photons photons_;                 // once all are here
 };
 
 }  // namespace treelight::server

@@ -4,6 +4,7 @@
 
 #include "fmt/format.h"
 #include "server/convert.h"
+#include "server/refusal.h"
 
 namespace treelight::server {
 namespace {
@@ -30,7 +31,9 @@ std::string RequestId(const grpc::CallbackServerContext& context) {
 }  // namespace
 
 grpc::Status ToGrpcStatus(const absl::Status& status) {
-  return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message())};
+  const google::rpc::Status wire = ToRpcStatus(status);
+  return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message()),
+          wire.details().empty() ? std::string() : wire.SerializeAsString()};
 }
 
 Call::Call(State& state, grpc::CallbackServerContext& context, std::string_view method)
@@ -43,9 +46,26 @@ Call::Call(State& state, grpc::CallbackServerContext& context, std::string_view 
   record_.peer = context.peer();
 }
 
+Call::~Call() {
+  ClientMoved();  // nobody ends the call from here on
+  state_.calls.Leave();
+}
+
+void Call::AwaitClient() {
+  state_.stalls.Wait(this, [this] {
+    stalled_ = true;
+    context_.TryCancel();
+  });
+}
+
 absl::Status Call::Alive() const {
   if (std::chrono::system_clock::now() >= deadline_) {
     return absl::DeadlineExceededError("the deadline of the call has passed; the work was stopped");
+  }
+  if (stalled_) {
+    return absl::CancelledError(
+        fmt::format("the client has neither sent nor taken anything for {} ms (--stall-seconds)",
+                    state_.stalls.patience().count()));
   }
   if (context_.IsCancelled()) return absl::CancelledError("the client has cancelled the call");
   if (abandoned_) return absl::CancelledError("an earlier batch of the stream has failed");

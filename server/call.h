@@ -14,7 +14,8 @@
 
 namespace treelight::server {
 
-/// The same code and message; the codes have the same numbers.
+/// The same code and message, with google.rpc.Status where there are payloads; the codes have the
+/// same numbers.
 grpc::Status ToGrpcStatus(const absl::Status& status);
 
 /// Time since it was made.
@@ -35,7 +36,7 @@ class Call {
  public:
   /// Counts the call in; `context` and `state` outlive it.
   Call(State& state, grpc::CallbackServerContext& context, std::string_view method);
-  ~Call() { state_.calls.Leave(); }
+  ~Call();
   Call(const Call&) = delete;
   Call& operator=(const Call&) = delete;
 
@@ -48,6 +49,14 @@ class Call {
   /// Stops what is still under way for this call, which has failed: Alive() is CANCELLED from now
   /// on.
   void Abandon() { abandoned_ = true; }
+
+  /// When the client gives up; time_point::max() for never.
+  std::chrono::system_clock::time_point deadline() const { return deadline_; }
+
+  /// From now on the client has to move, until ClientMoved(): a call that stands still for
+  /// ServerOptions::stall is cancelled, and Alive() says why.
+  void AwaitClient();
+  void ClientMoved() { state_.stalls.Arrived(this); }
 
   /// For core; polls Alive().
   CancelCheck cancelled() const;
@@ -64,6 +73,7 @@ class Call {
   const std::chrono::system_clock::time_point deadline_;
   const absl::Status admission_;
   std::atomic<bool> abandoned_ = false;
+  std::atomic<bool> stalled_ = false;
   RequestRecord record_;
 };
 

@@ -1,5 +1,6 @@
 #include "server/catalogue.h"
 
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -55,6 +56,10 @@ absl::Status GetServerInfo(State& state, const v1::GetServerInfoRequest&,
   for (const MapHandle& map : maps) photon_count += map->gatherer->photon_count();
   response.set_photon_count(photon_count);
   response.set_device_bytes_used(DeviceBytes(maps));
+  const MemoryBudget::Usage usage = state.memory.usage();
+  response.set_memory_bytes_used(std::accumulate(usage.begin(), usage.end(), std::uint64_t{0}));
+  response.mutable_limits()->set_memory_bytes(state.memory.limit_bytes());
+  response.mutable_limits()->set_build_slots(static_cast<std::uint32_t>(state.options.build_slots));
   return absl::OkStatus();
 }
 

@@ -139,6 +139,14 @@ absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const 
                    .request_id = header.request_id()};
 }
 
+GatherQueries GatherBatch::queries(std::size_t first, std::size_t last) const {
+  const auto slice = [&](const std::vector<float>& array, std::size_t width) {
+    return array.empty() ? std::span<const float>()
+                         : std::span(array).subspan(width * first, width * (last - first));
+  };
+  return {.positions = slice(positions, 3), .normals = slice(normals, 3), .radii = slice(radii, 1)};
+}
+
 absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const Gatherer& map,
                                         const Limits& limits) {
   if (auto status = CheckArrays(request, limits); !status.ok()) return status;
@@ -153,7 +161,8 @@ absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const 
   AppendFromWire(request.positions(), batch.positions);
   AppendFromWire(request.normals(), batch.normals);
   AppendFromWire(request.radii(), batch.radii);
-  if (auto status = CheckGather(map, batch.queries(), batch.options); !status.ok()) return status;
+  if (auto status = CheckGather(map, batch.queries(0, batch.size()), batch.options); !status.ok())
+    return status;
   return batch;
 }
 

@@ -49,7 +49,8 @@ struct GatherBatch {
   std::vector<float> radii;      ///< [m] or empty
   GatherOptions options;
 
-  GatherQueries queries() const { return {positions, normals, radii}; }
+  /// The queries [first, last).
+  GatherQueries queries(std::size_t first, std::size_t last) const;
   std::size_t size() const { return positions.size() / 3; }
 };
 

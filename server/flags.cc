@@ -35,6 +35,19 @@ CLI::Option* Add(CLI::App& app, const std::string& name, T& value, const std::st
   return app.add_option(name, value, description)->envname(Variable(name))->capture_default_str();
 }
 
+/// The flags that are seconds.
+struct Seconds {
+  explicit Seconds(const Flags& flags)
+      : drain(std::chrono::duration<double>(flags.drain).count()),
+        stall(std::chrono::duration<double>(flags.server.stall).count()) {}
+
+  double drain, stall;
+};
+
+std::chrono::milliseconds ToMilliseconds(double seconds) {
+  return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * seconds));
+}
+
 /// What is wrong with `text` as a count of at least 1, for CLI11.
 std::string CheckCount(const std::string& text) {
   std::uint64_t count = 0;
@@ -44,14 +57,14 @@ std::string CheckCount(const std::string& text) {
   return fmt::format("'{}' is no whole number of at least 1", text);
 }
 
-/// What is wrong with `text` as the time of a drain, for CLI11. Its Range takes "nan".
-std::string CheckDrainSeconds(const std::string& text) {
+/// What is wrong with `text` as seconds of at least `least`, for CLI11. Its Range takes "nan".
+std::string CheckSeconds(const std::string& text, double least) {
   constexpr double kDay = 86'400;
   double seconds = 0;
   const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, seconds);
-  if (error == std::errc() && stop == end && seconds >= 0 && seconds <= kDay) return {};
-  return fmt::format("'{}' is no number in [0, {}]", text, kDay);
+  if (error == std::errc() && stop == end && seconds >= least && seconds <= kDay) return {};
+  return fmt::format("'{}' is no number in [{}, {}]", text, least, kDay);
 }
 
 /// `text` as it can stand in one line of a terminal.
@@ -74,7 +87,7 @@ std::string Explain(const CLI::ParseError& error, CLI::App& app) {
                      Printable(what.substr(kNotAnOption.size())));
 }
 
-void AddOptions(CLI::App& app, Flags& flags, double& drain_seconds) {
+void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds) {
   ServerOptions& server = flags.server;
   Add(app, "--listen", server.listen, "HOST:PORT, port 0 for a free one; or unix:/PATH")
       ->check(
@@ -92,8 +105,17 @@ void AddOptions(CLI::App& app, Flags& flags, double& drain_seconds) {
       ->check(CheckCount);
   Add(app, "--queue-depth", server.queue_depth, "Requests that may wait for the device")
       ->check(CheckCount);
-  Add(app, "--drain-seconds", drain_seconds, "Time for open calls to finish after SIGTERM")
-      ->check(CheckDrainSeconds);
+  Add(app, "--build-slots", server.build_slots, "Builds that may be open, uploads included")
+      ->check(CheckCount);
+  Add(app, "--memory-limit", server.memory_limit,
+      "Bytes of host memory for uploads, messages, answers, and maps on a CPU; units as 4GiB; "
+      "0: half of what the machine or its control group has")
+      ->transform(CLI::AsSizeValue(false));
+  Add(app, "--stall-seconds", seconds.stall,
+      "Time that a client may stand still in an upload or an answer")
+      ->check([](const std::string& text) { return CheckSeconds(text, 0.001); });
+  Add(app, "--drain-seconds", seconds.drain, "Time for open calls to finish after SIGTERM")
+      ->check([](const std::string& text) { return CheckSeconds(text, 0); });
   Add(app, "--log-file", server.log_file, "Request log; stderr without it");
 }
 
@@ -101,10 +123,10 @@ void AddOptions(CLI::App& app, Flags& flags, double& drain_seconds) {
 
 std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv) {
   Flags flags;
-  double drain_seconds = std::chrono::duration<double>(flags.drain).count();
+  Seconds seconds(flags);
   CLI::App app(kDescription, "treelightd");
   app.set_version_flag("--version", fmt::format("treelightd {}", kVersion));
-  AddOptions(app, flags, drain_seconds);
+  AddOptions(app, flags, seconds);
   const char* config = std::getenv("TREELIGHT_CONFIG");
   const bool has_config = config != nullptr && *config != '\0';
   // A file that is named has to be there.
@@ -119,11 +141,12 @@ std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv) {
     fmt::print(stderr, "treelightd: {}\n", Explain(error, app));
     return Exit{kExitWrongUsage};
   }
+  flags.drain = ToMilliseconds(seconds.drain);
+  flags.server.stall = ToMilliseconds(seconds.stall);
   if (auto status = CheckOptions(flags.server); !status.ok()) {
     fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
     return Exit{kExitWrongUsage};
   }
-  flags.drain = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * drain_seconds));
   return flags;
 }
 

@@ -38,28 +38,42 @@ void GatherStream::OnReadDone(bool ok) {
     entries_.push_back(std::move(added));
   });
   if (failed) return;
-  entry.batch.Run(entry.request, [this, &entry](const absl::Status& status) {
+  entry.batch.Run(entry.request, Gathered(entry));
+  Advance([this] { reading_ = starting_ = false; });
+}
+
+/// What follows when a slice of `entry` has been gathered, or not.
+Batch::Done GatherStream::Gathered(Entry& entry) {
+  return [this, &entry](const absl::Status& status) {
     Advance([&] {
       entry.stage = status.ok() ? Entry::Stage::kReady : Entry::Stage::kFailed;
       entry.status = status;
     });
-  });
-  Advance([this] { reading_ = starting_ = false; });
+  };
 }
 
 void GatherStream::OnWriteDone(bool ok) {
+  call_.ClientMoved();
   std::unique_ptr<Entry> answered;  // freed without the lock
+  Entry* gather = nullptr;          // stays while it gathers
   Advance([&] {
     writing_ = false;
     if (!ok && failure_.ok()) {
       failure_ = call_.Alive();
       if (failure_.ok()) failure_ = absl::CancelledError("the client takes no more answers");
     }
-    if (!ok || !entries_.front()->batch.complete()) return;
-    entries_.front()->batch.Log(absl::OkStatus());
-    answered = std::move(entries_.front());
-    entries_.pop_front();
+    if (!ok) return;
+    Entry& front = *entries_.front();
+    if (front.batch.complete()) {
+      front.batch.Log(absl::OkStatus());
+      answered = std::move(entries_.front());
+      entries_.pop_front();
+    } else if (front.batch.slice_written() && failure_.ok()) {
+      front.stage = Entry::Stage::kGathering;
+      gather = &front;
+    }
   });
+  if (gather != nullptr) gather->batch.GatherNext(Gathered(*gather));
 }
 
 /// Makes the next part of `entry`'s answer and sends it.
@@ -72,6 +86,7 @@ void GatherStream::WritePart(Entry& entry) {
       entry.status = status;
     });
   }
+  call_.AwaitClient();
   StartWrite(&response_);
 }
 

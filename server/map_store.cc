@@ -8,8 +8,9 @@
 
 namespace treelight::server {
 
-MapStore::MapStore(Clock clock)
+MapStore::MapStore(Clock clock, std::size_t dead_names)
     : clock_(std::move(clock)),
+      dead_names_(dead_names),
       sweeper_([this](const std::stop_token& stop) { SweepInTime(stop); }) {}
 
 bool MapStore::Expired(const StoredMap& map) const {
@@ -27,12 +28,29 @@ MapHandle MapStore::Add(StoredMap map) {
         known->second = handle;
       }
     }
-    handle->version = ++last_versions_[handle->name];
+    const auto [last, is_new] = last_versions_.try_emplace(handle->name, forgotten_version_);
+    handle->version = ++last->second;
     maps_[handle->name].emplace(handle->version, handle);
     ++additions_;
+    ForgetDeadNames();
   }
   wake_.notify_one();
   return handle;
+}
+
+std::size_t MapStore::remembered_names() const {
+  const std::lock_guard lock(mutex_);
+  return last_versions_.size();
+}
+
+void MapStore::ForgetDeadNames() {
+  // All of them at once, so that the walk costs little per name.
+  if (last_versions_.size() <= maps_.size() + dead_names_) return;
+  std::erase_if(last_versions_, [this](const auto& entry) {
+    if (maps_.contains(entry.first)) return false;
+    forgotten_version_ = std::max(forgotten_version_, entry.second);
+    return true;
+  });
 }
 
 MapHandle MapStore::FindRequest(std::string_view request_id) const {

@@ -18,6 +18,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/builder.h"
+#include "server/memory_budget.h"
 
 namespace treelight::server {
 
@@ -32,6 +33,7 @@ struct StoredMap {
   std::unique_ptr<const Gatherer> gatherer;
   TimePoint created;
   std::optional<TimePoint> expires;  ///< never where empty
+  MemoryBudget::Share memory{};      ///< of the host, that the map holds
 };
 
 /// Keeps a version alive while someone answers from it, also after the store has let go of it.
@@ -43,8 +45,11 @@ class MapStore {
  public:
   using Clock = std::function<TimePoint()>;
 
-  /// `clock` tells what has expired.
-  explicit MapStore(Clock clock = std::chrono::system_clock::now);
+  /// `clock` tells what has expired; at most `dead_names` names without a map are remembered.
+  explicit MapStore(Clock clock = std::chrono::system_clock::now, std::size_t dead_names = 65'536);
+
+  /// Names whose last version is remembered, with maps or without.
+  std::size_t remembered_names() const;
 
   /// Makes `map` visible as the newest version of its name. Where a version with the same request
   /// id, not empty, is here already, that one is returned and `map` dropped.
@@ -74,17 +79,21 @@ class MapStore {
   bool Expired(const StoredMap& map) const;
   absl::Status NotFound(std::string_view name, std::uint64_t version) const;  // needs mutex_
   std::optional<TimePoint> NextExpiry() const;                                // needs mutex_
+  void ForgetDeadNames();                                                     // needs mutex_
   void SweepInTime(const std::stop_token& stop);
 
   const Clock clock_;
+  const std::size_t dead_names_;
   mutable std::mutex mutex_;
   std::condition_variable_any wake_;  // with mutex_: a map that expires was added
   // Guarded by mutex_. Expired versions may still be in it until they are swept; no call shows
   // them.
   std::map<std::string, Versions, std::less<>> maps_;
   // Guarded by mutex_. Last version given to a name. Stays when the map goes, so that no version is
-  // used twice.
+  // used twice; once there are too many of those, they are forgotten, and names that are not here
+  // go on from the largest version forgotten.
   std::map<std::string, std::uint64_t, std::less<>> last_versions_;
+  std::uint64_t forgotten_version_ = 0;  // guarded by mutex_
   // Guarded by mutex_. By request id, the versions in maps_ that have one.
   std::map<std::string, MapHandle, std::less<>> requests_;
   std::uint64_t additions_ =

@@ -9,6 +9,12 @@ absl::Status CheckOptions(const ServerOptions& options) {
   if (options.queue_depth == 0) {
     return absl::InvalidArgumentError("queue depth is 0, it must be at least 1");
   }
+  if (options.build_slots == 0) {
+    return absl::InvalidArgumentError("build slots are 0, there must be at least 1");
+  }
+  if (options.stall.count() <= 0) {
+    return absl::InvalidArgumentError("the time that a client may stand still must be positive");
+  }
   if (!options.devices.empty() &&
       (options.device_index < 0 ||
        static_cast<std::size_t>(options.device_index) >= options.devices.size())) {

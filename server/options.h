@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_SERVER_OPTIONS_H_
 #define TREELIGHT_SERVER_OPTIONS_H_
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -21,6 +22,9 @@ struct Limits {
   /// In one batch. The default fills a message with positions, radii and normals: 28 B a query.
   std::uint32_t max_queries = 131'072;
   std::uint64_t max_neighbors = 1 << 25;  ///< in the whole answer of one batch with NEIGHBORS
+  /// Of a batch with k > 0 in a stream: aimed at for what is gathered ahead of what the client has
+  /// taken. A larger batch goes to the device in slices.
+  std::uint64_t max_slice_bytes = 16 << 20;
 };
 
 /// How a server runs.
@@ -29,7 +33,13 @@ struct ServerOptions {
   std::string listen = "127.0.0.1:7543";
   bool allow_remote = false;     ///< whether `listen` may be other than loopback or a Unix socket
   std::size_t queue_depth = 64;  ///< requests that may wait for the device, at least 1
-  std::string log_file;          ///< of the request log; empty: stderr
+  std::size_t build_slots = 16;  ///< builds that may be open, at least 1
+  /// Host memory for photons that arrive, messages, answers, and maps of a CPU device, bytes;
+  /// 0: DefaultMemoryLimit().
+  std::uint64_t memory_limit = 0;
+  /// How long a client may stand still in the middle of an upload or of an answer, at least 1 ms.
+  std::chrono::milliseconds stall = std::chrono::seconds(60);
+  std::string log_file;  ///< of the request log; empty: stderr
   Limits limits;
   std::vector<DeviceInfo>
       devices;           ///< of the machine; empty: not known, then no device limit is checked

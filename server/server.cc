@@ -21,6 +21,8 @@ namespace {
 constexpr int kMinPingIntervalMs = 5'000;
 /// A client that has vanished is noticed after these two.
 constexpr int kPingIntervalMs = 60'000, kPingTimeoutMs = 20'000;
+/// Calls of one connection at once; more wait at the client.
+constexpr int kMaxStreams = 256;
 
 void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.SetMaxReceiveMessageSize(static_cast<int>(options.limits.max_message_bytes));
@@ -30,6 +32,7 @@ void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kPingIntervalMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kPingTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
   // Two servers must not share a port unawares.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
 }
@@ -41,6 +44,7 @@ struct Server::Impl {
        std::unique_ptr<RequestLog> log)
       : state(options, std::move(builder), std::move(log)), service(state) {}
 
+  SocketLock lock;  // first: held until the server has let go of the socket
   State state;
   PhotonMapService service;
   int port = 0;
@@ -50,10 +54,12 @@ struct Server::Impl {
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options,
                                                       std::unique_ptr<Builder> builder) {
   if (auto status = CheckOptions(options); !status.ok()) return status;
-  if (auto status = CheckSocketIsFree(options.listen); !status.ok()) return status;
+  auto lock = SocketLock::Take(options.listen);
+  if (!lock.ok()) return lock.status();
   auto log = RequestLog::Open(options.log_file);
   if (!log.ok()) return log.status();
   auto impl = std::make_unique<Impl>(options, std::move(builder), *std::move(log));
+  impl->lock = *std::move(lock);
 
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();

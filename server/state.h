@@ -10,10 +10,14 @@
 
 #include "core/builder.h"
 #include "server/active_calls.h"
+#include "server/build_slots.h"
 #include "server/device_queue.h"
+#include "server/machine_memory.h"
 #include "server/map_store.h"
+#include "server/memory_budget.h"
 #include "server/options.h"
 #include "server/request_log.h"
+#include "server/stall_watch.h"
 #include "tbb/info.h"
 #include "tbb/task_arena.h"
 
@@ -26,6 +30,9 @@ struct State {
       : options(server_options),
         builder(std::move(map_builder)),
         log(std::move(request_log)),
+        memory(options.memory_limit > 0 ? options.memory_limit : DefaultMemoryLimit()),
+        build_slots(options.build_slots),
+        stalls(options.stall),
         device_queue(options.queue_depth) {}
 
   /// Runs `work` away from gRPC's threads, of which there are few: on a thread of TBB, or at once
@@ -45,12 +52,20 @@ struct State {
     return options.devices.empty() ? std::string() : options.devices[options.device_index].name;
   }
 
+  /// Whether maps lie in host memory, as they do on a CPU.
+  bool maps_in_host_memory() const {
+    return !options.devices.empty() && options.devices[options.device_index].type == "cpu";
+  }
+
   const ServerOptions options;
   const std::unique_ptr<Builder> builder;  ///< used on the device queue's thread
   const std::unique_ptr<RequestLog> log;
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  MemoryBudget memory;
+  BuildSlots build_slots;
   MapStore store;
   ActiveCalls calls;
+  StallWatch stalls;
   // As many as TBB has workers; asking for more makes it write a warning to stderr, where the log
   // may go.
   tbb::task_arena cpu{std::max(1, tbb::info::default_concurrency() - 1),

@@ -1,5 +1,7 @@
 #include "server/unix_socket.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -7,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "fmt/format.h"
 
@@ -28,18 +31,46 @@ int TryConnect(std::string_view path) {
   return error;
 }
 
+absl::Status CannotListen(std::string_view listen, std::string_view why) {
+  return absl::UnavailableError(fmt::format("cannot listen on '{}': {}", listen, why));
+}
+
+/// Whether somebody answers at `path`, a server that holds no lock say.
+absl::Status CheckSocketIsFree(std::string_view listen, std::string_view path) {
+  const int error = TryConnect(path);
+  // Not there, or a file that nobody listens on.
+  if (error == ENOENT || error == ECONNREFUSED || error == ENOTDIR) return absl::OkStatus();
+  return CannotListen(listen, error == 0 || error == EAGAIN ? "another process answers there"
+                                                            : std::strerror(error));
+}
+
 }  // namespace
 
-absl::Status CheckSocketIsFree(std::string_view listen) {
-  if (!listen.starts_with("unix:")) return absl::OkStatus();
+absl::StatusOr<SocketLock> SocketLock::Take(std::string_view listen) {
+  if (!listen.starts_with("unix:")) return SocketLock();
   std::string_view path = listen.substr(5);
   if (path.starts_with("//")) path.remove_prefix(2);  // gRPC takes unix:///path too
-  const int error = TryConnect(path);
-  // Not there, or a file that nobody listens on. In a missing folder the bind fails.
-  if (error == ENOENT || error == ECONNREFUSED || error == ENOTDIR) return absl::OkStatus();
-  return absl::UnavailableError(fmt::format(
-      "cannot listen on '{}': {}", listen,
-      error == 0 || error == EAGAIN ? "another process answers there" : std::strerror(error)));
+  const std::string file = fmt::format("{}.lock", path);
+  SocketLock lock(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  if (lock.handle_ < 0) {
+    return CannotListen(listen, fmt::format("'{}': {}", file, std::strerror(errno)));
+  }
+  if (flock(lock.handle_, LOCK_EX | LOCK_NB) != 0) {
+    return CannotListen(listen, fmt::format("another process holds '{}'", file));
+  }
+  if (auto status = CheckSocketIsFree(listen, path); !status.ok()) return status;
+  return lock;
+}
+
+SocketLock::SocketLock(SocketLock&& other) noexcept : handle_(std::exchange(other.handle_, -1)) {}
+
+SocketLock& SocketLock::operator=(SocketLock&& other) noexcept {
+  std::swap(handle_, other.handle_);
+  return *this;
+}
+
+SocketLock::~SocketLock() {
+  if (handle_ >= 0) close(handle_);
 }
 
 }  // namespace treelight::server

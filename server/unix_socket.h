@@ -1,17 +1,32 @@
 #ifndef TREELIGHT_SERVER_UNIX_SOCKET_H_
 #define TREELIGHT_SERVER_UNIX_SOCKET_H_
 
+#include <string>
 #include <string_view>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 
 namespace treelight::server {
 
-/// Whether a server may bind `listen`: any TCP address, or a Unix socket on which nobody answers.
-/// gRPC replaces a socket file without a question, which is right for one that a dead process has
-/// left behind. UNAVAILABLE: somebody answers there, or it is not known since this user may not
-/// connect. Two servers that start in the same moment may both find the path free.
-absl::Status CheckSocketIsFree(std::string_view listen);
+/// The right to bind a Unix socket. Two servers that start in the same instant would both find the
+/// path free, and gRPC replaces a socket file without a question: so the one that binds holds a
+/// lock (flock) on PATH.lock, which the system lets go of when the process ends, however it does.
+/// The file stays.
+class SocketLock {
+ public:
+  /// Of "unix:/path"; of any other address one that holds nothing. UNAVAILABLE: another process
+  /// holds the lock, somebody answers on the socket, or this user may not know.
+  static absl::StatusOr<SocketLock> Take(std::string_view listen);
+
+  SocketLock() = default;
+  SocketLock(SocketLock&& other) noexcept;
+  SocketLock& operator=(SocketLock&& other) noexcept;
+  ~SocketLock();
+
+ private:
+  explicit SocketLock(int handle) : handle_(handle) {}
+  int handle_ = -1;  // of the open lock file
+};
 
 }  // namespace treelight::server
 

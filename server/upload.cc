@@ -69,6 +69,21 @@ absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
   return absl::OkStatus();
 }
 
+std::uint64_t UploadBytes(const BuildPlan& plan, const Limits& limits) {
+  const std::uint64_t photon_bytes = kPositionBytes + (plan.has_powers ? kPowerBytes : 0) +
+                                     (plan.has_directions ? kDirectionBytes : 0);
+  return plan.photon_count * photon_bytes + limits.max_message_bytes;
+}
+
+std::uint64_t MapBytes(const BuildPlan& plan) {
+  // 64 B a node, of which there are about as many as leaves, that are half full at worst.
+  const std::uint64_t tree_bytes = 2 * sizeof(Node) / plan.options.max_leaf_size;
+  constexpr std::uint64_t kWorkBytes = 32;
+  return plan.photon_count *
+         (sizeof(LeafPhoton) + tree_bytes + kWorkBytes + (plan.has_powers ? kPowerBytes : 0) +
+          (plan.has_directions ? kDirectionBytes : 0));
+}
+
 Upload::Upload(const BuildPlan& plan, const Limits& limits)
     : expected_(plan.photon_count),
       has_powers_(plan.has_powers),

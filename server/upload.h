@@ -15,6 +15,13 @@ namespace treelight::server {
 absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
                              std::uint64_t bytes_used);
 
+/// Host memory of an upload, bytes: its arrays, and the message that arrives.
+std::uint64_t UploadBytes(const BuildPlan& plan, const Limits& limits);
+
+/// What a map of `plan` holds of its device's memory while it is built, bytes, a little more rather
+/// than less: photons in the order of the tree, its nodes, and 32 B of work space a photon.
+std::uint64_t MapBytes(const BuildPlan& plan);
+
 /// Puts the chunks of one upload together; the arrays are reserved in whole at the start.
 class Upload {
  public:

@@ -8,6 +8,9 @@
 
 #include "client/photon_map_client.h"
 #include "gmock/gmock.h"
+#include "google/protobuf/util/time_util.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
 #include "gtest/gtest.h"
@@ -120,6 +123,70 @@ TEST_F(ClientFaultsTest, ABuildThatFailsIsNotRetriedForEver) {
   };
   EXPECT_EQ(client.BuildPhotonMap("map", {}).status(), absl::InternalError("broken"));
   EXPECT_EQ(service_.request_ids.size(), 3u);
+}
+
+/// A refusal that says when to repeat.
+grpc::Status Refused(std::chrono::milliseconds delay) {
+  google::rpc::RetryInfo retry;
+  *retry.mutable_retry_delay() =
+      google::protobuf::util::TimeUtil::MillisecondsToDuration(delay.count());
+  google::rpc::Status details;
+  details.set_code(grpc::StatusCode::RESOURCE_EXHAUSTED);
+  details.add_details()->PackFrom(retry);
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED, "no room: the limit is 3",
+          details.SerializeAsString()};
+}
+
+TEST_F(ClientFaultsTest, ARefusedBuildIsRepeatedWhenTheServerSaid) {
+  int attempt_count = 0;
+  service_.build = [&](v1::BuildPhotonMapResponse& response) {
+    if (++attempt_count <= 2) return Refused(std::chrono::milliseconds(50));
+    response.mutable_map()->set_name("map");
+    response.mutable_map()->set_version(7);
+    return grpc::Status::OK;
+  };
+  PhotonMapClient client(Channel(), std::chrono::seconds(20));
+  const auto begun = std::chrono::steady_clock::now();
+  const auto built =
+      client.BuildPhotonMap("map", {.positions = {1, 2, 3}, .powers = {}, .directions = {}});
+  ASSERT_TRUE(built.ok()) << built.status();
+  // 50 ms, then twice that.
+  EXPECT_GE(std::chrono::steady_clock::now() - begun, std::chrono::milliseconds(150));
+  ASSERT_EQ(service_.request_ids.size(), 3u);
+  EXPECT_EQ(service_.request_ids[0], service_.request_ids[2]);
+}
+
+TEST_F(ClientFaultsTest, ARefusalIsNotRepeatedPastTheDeadlineOrThePatience) {
+  service_.build = [](v1::BuildPhotonMapResponse&) { return Refused(std::chrono::seconds(5)); };
+  const absl::Status expected(absl::StatusCode::kResourceExhausted,
+                              "no room: the limit is 3 (the server expects room in 5000 ms)");
+  PhotonMapClient late(Channel(), std::chrono::seconds(2));
+  EXPECT_EQ(
+      late.BuildPhotonMap("map", {}).status().ToString(absl::StatusToStringMode::kWithNoExtraData),
+      expected.ToString());
+  EXPECT_EQ(service_.request_ids.size(), 1u);
+  PhotonMapClient impatient(Channel());
+  impatient.SetRetryPatience(std::chrono::seconds(4));
+  EXPECT_FALSE(impatient.BuildPhotonMap("map", {}).ok());
+  EXPECT_EQ(service_.request_ids.size(), 2u);
+
+  // Where there is neither, the pauses end nevertheless.
+  service_.build = [](v1::BuildPhotonMapResponse&) {
+    return Refused(std::chrono::milliseconds(1));
+  };
+  PhotonMapClient patient(Channel());
+  patient.SetRetryPatience(std::chrono::milliseconds(100));
+  EXPECT_FALSE(patient.BuildPhotonMap("map", {}).ok());
+  EXPECT_LE(service_.request_ids.size(), 2u + 5u);
+}
+
+TEST_F(ClientFaultsTest, AnExhaustionThatNoTimeMendsIsNotRepeated) {
+  service_.build = [](v1::BuildPhotonMapResponse&) {
+    return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "too large");
+  };
+  PhotonMapClient client(Channel());
+  EXPECT_EQ(client.BuildPhotonMap("map", {}).status(), absl::ResourceExhaustedError("too large"));
+  EXPECT_EQ(service_.request_ids.size(), 1u);
 }
 
 TEST_F(ClientFaultsTest, ABuildThatNamesNoMapIsInternal) {

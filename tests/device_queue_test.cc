@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "server/refusal.h"
 #include "tests/gated_builder.h"
 
 namespace treelight::server {
@@ -67,11 +68,77 @@ TEST(DeviceQueueTest, AFullQueueRefusesAndNamesTheLimit) {
     EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
     EXPECT_NE(std::string(refused.message()).find("the limit is 2 (--queue-depth)"),
               std::string::npos);
+    EXPECT_EQ(RefusedQuota(refused), "queue");
     EXPECT_EQ(queue.waiting(), 2u);
     blocker.Release();
     EXPECT_TRUE(treelight::testing::Eventually([&] { return ran == 2; }));
   }
   EXPECT_EQ(ran, 2);
+}
+
+/// A job of `work` that has run and taken `duration`.
+void RunOne(DeviceQueue& queue, const Work& work, std::chrono::milliseconds duration) {
+  std::promise<void> done;
+  ASSERT_TRUE(queue
+                  .Submit(Wanted,
+                          [&](const absl::Status&, double) {
+                            std::this_thread::sleep_for(duration);
+                            done.set_value();
+                          },
+                          {.work = work})
+                  .ok());
+  done.get_future().wait();
+}
+
+TEST(DeviceQueueTest, AJobThatWouldBeLateIsRefusedByTheTimesOfThoseBefore) {
+  using std::chrono_literals::operator""ms;
+  DeviceQueue queue(8);
+  const Work build = Work::Build(1000), twice = Work::Build(2000);
+  const auto in = [](std::chrono::milliseconds time) {
+    return std::chrono::system_clock::now() + time;
+  };
+  RunOne(queue, build, 200ms);  // 0.2 ms a photon
+  Blocker blocker(queue);
+  EXPECT_TRUE(queue.Check({.work = build, .deadline = in(300ms)}).ok());
+  EXPECT_FALSE(queue.Check({.work = build, .deadline = in(150ms)}).ok());  // by its own time
+  const auto job = [](const absl::Status&, double) {};
+  ASSERT_TRUE(queue.Submit(Wanted, job, {.work = twice}).ok());
+  EXPECT_NEAR(static_cast<double>(queue.backlog().count()), 400e3, 50e3);
+  const auto refused = queue.Submit(Wanted, job, {.work = build, .deadline = in(500ms)});
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(RefusedQuota(refused), "deadline");
+  EXPECT_EQ(queue.waiting(), 1u);
+  // Times of builds say nothing of gathers, and a call without a deadline is never late.
+  EXPECT_TRUE(queue.Check({.work = Work::Gather(8, 1 << 20), .deadline = in(500ms)}).ok());
+  EXPECT_TRUE(queue.Check({.work = Work::Build(1'000'000)}).ok());
+  blocker.Release();
+}
+
+TEST(DeviceQueueTest, AnIdleDeviceTakesEveryJob) {
+  using std::chrono_literals::operator""ms;
+  DeviceQueue queue(8);
+  RunOne(queue, Work::Build(10), 100ms);
+  ASSERT_TRUE(treelight::testing::Eventually([&] {
+    return queue
+        .Check(
+            {.work = Work::Build(1'000'000), .deadline = std::chrono::system_clock::now() + 10ms})
+        .ok();
+  }));
+}
+
+TEST(WorkEstimateTest, FollowsTheTimesPerItemOfEachKind) {
+  WorkEstimate estimate;
+  EXPECT_EQ(estimate.Microseconds(Work::Build(100)), 0);
+  estimate.Measured(Work::Build(100), 1000);
+  EXPECT_EQ(estimate.Microseconds(Work::Build(50)), 500);
+  estimate.Measured(Work::Build(100), 2000);  // a quarter of the way from 10 to 20 us a photon
+  EXPECT_EQ(estimate.Microseconds(Work::Build(1)), 12.5);
+  for (const std::uint32_t k : {0u, 8u, 9u, 129u}) {
+    EXPECT_EQ(estimate.Microseconds(Work::Gather(k, 100)), 0) << k;
+  }
+  estimate.Measured(Work::Gather(9, 10), 10);
+  EXPECT_EQ(estimate.Microseconds(Work::Gather(128, 7)), 7);
+  EXPECT_EQ(estimate.Microseconds(Work::Gather(129, 7)), 0);
 }
 
 TEST(DeviceQueueTest, AJobNobodyWaitsForIsToldInsteadOfRun) {

@@ -17,7 +17,8 @@ StoredMap MakeMap(const std::string& name, const std::string& request_id = {},
           .options = {},
           .gatherer = *MakeBruteForceBuilder()->Build(photons, {}),
           .created = {},
-          .expires = expires};
+          .expires = expires,
+          .memory = {}};
 }
 
 TEST(MapStoreTest, VersionsGrowByNameAndVersionZeroIsTheNewest) {
@@ -35,6 +36,23 @@ TEST(MapStoreTest, NoVersionIsUsedTwice) {
   store.Add(MakeMap("a"));
   ASSERT_TRUE(store.Remove("a", 0).ok());
   EXPECT_EQ(store.Add(MakeMap("a"))->version, 2u);
+}
+
+TEST(MapStoreTest, NamesWithoutMapsAreForgottenAndNoVersionIsUsedTwiceStill) {
+  MapStore store(std::chrono::system_clock::now, /*dead_names=*/10);
+  store.Add(MakeMap("kept"));
+  std::map<std::string, std::uint64_t> last;
+  for (int round = 0; round < 3; ++round) {
+    for (int i = 0; i < 100; ++i) {
+      const std::string name = "name" + std::to_string(i);
+      const std::uint64_t version = store.Add(MakeMap(name))->version;
+      EXPECT_GT(version, last[name]) << name;
+      last[name] = version;
+      ASSERT_TRUE(store.Remove(name, 0).ok());
+      EXPECT_LE(store.remembered_names(), 12u);  // "kept", ten without a map, the one just deleted
+    }
+  }
+  EXPECT_EQ(store.Add(MakeMap("kept"))->version, 2u);  // its own count goes on
 }
 
 TEST(MapStoreTest, NotFoundNamesTheMapAndTheVersionsThereAre) {

@@ -1,16 +1,22 @@
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <list>
 #include <sstream>
+#include <thread>
 
 #include "grpcpp/create_channel.h"
 #include "grpcpp/security/credentials.h"
 #include "nlohmann/json.hpp"
+#include "server/unix_socket.h"
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
 
@@ -59,6 +65,20 @@ class Process {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
 
+  /// Waits for the ready line, or the end; the address in it, else empty.
+  std::string WaitUntilReadyOrEnded() {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+    int status = 0;
+    while (out().find('\n') == std::string::npos && std::chrono::steady_clock::now() < end) {
+      if (waitpid(pid_, &status, WNOHANG) == pid_) {
+        pid_ = 0;
+        return {};
+      }
+      usleep(5'000);
+    }
+    return WaitUntilReady();
+  }
+
   /// Waits for the ready line; the address in it. Kernels may have to be compiled first.
   std::string WaitUntilReady() const {
     const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(2);
@@ -96,6 +116,9 @@ TEST(ServerProcessTest, AWrongCommandLineIsOneLineAndExitCode2) {
                                                     {"--queue-depth", "0"},
                                                     {"--max-photons", "many"},
                                                     {"--config", "/nosuch"},
+                                                    {"--build-slots", "0"},
+                                                    {"--memory-limit", "much"},
+                                                    {"--stall-seconds", "0"},
                                                     {"--drain-seconds", "nan"},
                                                     {"--drain-seconds", "-1"},
                                                     {"--device", "nosuch"}}) {
@@ -244,8 +267,8 @@ TEST(ServerProcessTest, AUnixSocketThatAnswersIsNotTaken) {
     ASSERT_EQ(owner.WaitUntilReady(), address) << owner.err();
     Process thief({"--listen", address});
     EXPECT_EQ(thief.Wait(), 1);
-    EXPECT_EQ(thief.err(),
-              "treelightd: cannot listen on '" + address + "': another process answers there\n");
+    EXPECT_EQ(thief.err(), "treelightd: cannot listen on '" + address +
+                               "': another process holds '" + first.folder() + "/socket.lock'\n");
     grpc::ClientContext context;
     EXPECT_TRUE(Connect(address)->GetServerInfo(&context, {}, &info).ok());
   }
@@ -255,6 +278,60 @@ TEST(ServerProcessTest, AUnixSocketThatAnswersIsNotTaken) {
   EXPECT_EQ(heir.WaitUntilReady(), address) << heir.err();
   grpc::ClientContext context;
   EXPECT_TRUE(Connect(address)->GetServerInfo(&context, {}, &info).ok());
+}
+
+TEST(ServerProcessTest, OfServersThatStartAtOnceOnOneUnixSocketOneServes) {
+  Process folder({"--version"});
+  const std::string path = folder.folder() + "/socket", address = "unix:" + path;
+  std::list<Process> processes;
+  for (int i = 0; i < 4; ++i) processes.emplace_back(std::vector<std::string>{"--listen", address});
+  std::vector<const Process*> serving;
+  for (Process& process : processes) {
+    if (process.WaitUntilReadyOrEnded() == address) {
+      serving.push_back(&process);
+    } else {
+      EXPECT_EQ(process.err(), "treelightd: cannot listen on '" + address +
+                                   "': another process holds '" + path + ".lock'\n");
+    }
+  }
+  ASSERT_EQ(serving.size(), 1u);
+  v1::ServerInfo info;
+  grpc::ClientContext context;
+  EXPECT_TRUE(Connect(address)->GetServerInfo(&context, {}, &info).ok());
+}
+
+TEST(UnixSocketTest, OneThreadOfManyGetsTheLock) {
+  Process folder({"--version"});
+  const std::string address = "unix:" + folder.folder() + "/socket";
+  for (int round = 0; round < 20; ++round) {
+    std::atomic<int> taken = 0;
+    std::vector<absl::StatusOr<server::SocketLock>> locks;
+    for (int t = 0; t < 4; ++t) locks.push_back(absl::UnknownError("not tried"));
+    {
+      std::vector<std::jthread> threads;
+      for (auto& lock : locks) {
+        threads.emplace_back([&] {
+          lock = server::SocketLock::Take(address);
+          taken += lock.ok() ? 1 : 0;
+        });
+      }
+    }
+    EXPECT_EQ(taken, 1);
+  }
+}
+
+TEST(UnixSocketTest, ASocketThatAnswersWithoutALockIsNotTaken) {
+  Process folder({"--version"});
+  sockaddr_un name{.sun_family = AF_UNIX, .sun_path = {}};
+  const std::string path = folder.folder() + "/socket";
+  std::ranges::copy(path, name.sun_path);
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  ASSERT_EQ(bind(socket, reinterpret_cast<const sockaddr*>(&name), sizeof(name)), 0);
+  ASSERT_EQ(listen(socket, 1), 0);
+  const auto lock = server::SocketLock::Take("unix:" + path);
+  close(socket);
+  EXPECT_EQ(lock.status(), absl::UnavailableError("cannot listen on 'unix:" + path +
+                                                  "': another process answers there"));
 }
 
 TEST(ServerProcessTest, TheCommandLineGoesBeforeTheFileBeforeTheEnvironment) {

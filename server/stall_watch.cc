@@ -1,0 +1,52 @@
+#include "server/stall_watch.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace treelight::server {
+
+StallWatch::StallWatch(std::chrono::milliseconds patience)
+    : patience_(patience), thread_([this](const std::stop_token& stop) { Watch(stop); }) {}
+
+void StallWatch::Wait(const void* call, std::function<void()> end) {
+  const std::lock_guard lock(mutex_);
+  waiting_.insert_or_assign(call, Waiting{Clock::now(), std::move(end)});
+}
+
+void StallWatch::Arrived(const void* call) {
+  std::unique_lock lock(mutex_);
+  waiting_.erase(call);
+  // gRPC may run what follows from a cancellation inside of it.
+  if (std::this_thread::get_id() == thread_.get_id()) return;
+  wake_.wait(lock, [&] { return ending_ != call; });
+}
+
+void StallWatch::Watch(const std::stop_token& stop) {
+  using std::chrono_literals::operator""ms;
+  // Each is noticed at most this much late.
+  const std::chrono::milliseconds pause = std::clamp(patience_ / 8, 5ms, 1000ms);
+  std::unique_lock lock(mutex_);
+  while (!stop.stop_requested()) {
+    wake_.wait_for(lock, stop, pause, [] { return false; });
+    while (const auto late = TakeLate()) {
+      ending_ = late->first;
+      lock.unlock();
+      late->second();
+      lock.lock();
+      ending_ = nullptr;
+      wake_.notify_all();
+    }
+  }
+}
+
+std::optional<std::pair<const void*, std::function<void()>>> StallWatch::TakeLate() {
+  const auto now = Clock::now();
+  const auto late = std::ranges::find_if(
+      waiting_, [&](const auto& entry) { return now - entry.second.since >= patience_; });
+  if (late == waiting_.end()) return std::nullopt;
+  std::pair taken(late->first, std::move(late->second.end));
+  waiting_.erase(late);
+  return taken;
+}
+
+}  // namespace treelight::server
