@@ -59,7 +59,8 @@ class Builder {
   /// answers are empty. INVALID_ARGUMENT: arrays of unequal length, a coordinate that is not finite
   /// or beyond kMaxCoordinate, an option out of range; the message names field, index and value.
   /// RESOURCE_EXHAUSTED: larger than one device buffer or the device's memory; the message names
-  /// the limit. CANCELLED: `cancelled` said so. INTERNAL: the device failed.
+  /// the limit. CANCELLED: `cancelled` said so. UNIMPLEMENTED: a kind of tree that
+  /// this builder does not make. INTERNAL: the device failed.
   virtual absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
                                                           const BuildOptions& options,
                                                           const CancelCheck& cancelled = {}) = 0;
@@ -91,8 +92,8 @@ struct DeviceOptions {
       cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
 };
 
-/// A builder on an OpenCL device, its kernels compiled. NOT_FOUND: no such device; the message
-/// lists those there are.
+/// A builder on an OpenCL device, its kernels compiled: it makes kLbvh alone. NOT_FOUND: no such
+/// device; the message lists those there are.
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options = {});
 
 /// The device that a MakeDeviceBuilder with the same options takes.

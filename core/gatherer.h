@@ -81,8 +81,8 @@ struct GatherResult {
 /// Time of one stage of a build.
 struct StageTime {
   std::string stage;  ///< "upload", "bounds", "morton", "sort", "levels", "ties", "leaves",
-                      ///< "permute", "hierarchy", "wide" (on devices with sub-groups),
-                      ///< "statistics"
+                      ///< "permute", "hierarchy", "statistics", "wide" (on devices with
+                      ///< sub-groups)
   double microseconds = 0;
 };
 

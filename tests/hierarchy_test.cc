@@ -35,14 +35,14 @@ TEST(HierarchyTest, KernelAgreesWithReference) {
         const auto firsts = reference::LeafFirsts(cloud.levels, size, max_leaf_size);
         const auto photons = InLeafOrder(cloud);
         const Tree expected = reference::Hierarchy(cloud.levels, firsts, photons, max_leaf_size);
-        const DeviceTree tree = BuildHierarchy(
-            TestGpu(), Upload(cloud.levels), {firsts.size() - 1, Upload(firsts)}, Upload(photons));
+        DeviceTree tree = BuildHierarchy(TestGpu(), Upload(cloud.levels),
+                                         {firsts.size() - 1, Upload(firsts)}, Upload(photons));
         SCOPED_TRACE(shape.name + " " + std::to_string(size));
+        const TreeStatistics statistics = SumStatistics(TestGpu(), firsts.size() - 1, tree);
         ASSERT_EQ(std::memcmp(&tree.root, &expected.root, sizeof tree.root), 0);
         ASSERT_TRUE(SameBits(tree.nodes.Read(TestGpu().queue()), expected.nodes));
         ASSERT_EQ(tree.min_ids.Read(TestGpu().queue()), expected.min_ids);
 
-        const TreeStatistics statistics = SumStatistics(TestGpu(), tree, firsts.size() - 1);
         const TreeStatistics plain = ComputeStatistics(expected);
         EXPECT_EQ(statistics.node_count, plain.node_count);
         EXPECT_EQ(statistics.leaf_count, plain.leaf_count);
@@ -70,7 +70,8 @@ TEST(HierarchyTest, WorkedExampleOfKarras) {
   ASSERT_EQ(leaves.leaf_count, 8u);
   std::vector<LeafPhoton> photons;
   for (std::uint32_t i = 0; i < 8; ++i) photons.push_back({static_cast<float>(i), 0, 0, i});
-  const DeviceTree tree = BuildHierarchy(TestGpu(), levels, leaves, Upload(photons));
+  DeviceTree tree = BuildHierarchy(TestGpu(), levels, leaves, Upload(photons));
+  SumStatistics(TestGpu(), leaves.leaf_count, tree);
   const auto nodes = tree.nodes.Read(TestGpu().queue());
   const auto leaf = [](std::uint32_t i) { return kLeafBit | i; };
   // Node i separates leaf i from leaf i + 1.

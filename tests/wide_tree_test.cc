@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "core/gpu/hierarchy.h"
+#include "core/gpu/statistics.h"
 #include "gtest/gtest.h"
 #include "tests/reference.h"
 #include "tests/test_device.h"
@@ -67,8 +68,9 @@ TEST(WideTreeTest, KernelsAgreeWithReference) {
         ends.push_back(static_cast<std::uint32_t>(size));
 
         const Leaves leaves{firsts.size() - 1, Upload(firsts)};
-        const DeviceTree device_tree =
+        DeviceTree device_tree =
             BuildHierarchy(TestGpu(), Upload(cloud.levels), leaves, Upload(photons));
+        SumStatistics(TestGpu(), leaves.leaf_count, device_tree);
         const DeviceWideTree wide = BuildWideTree(TestGpu(), device_tree, leaves);
         const auto boxes = wide.boxes.Read(TestGpu().queue());
         for (std::uint32_t level = 0;; ++level) {

@@ -86,15 +86,16 @@ MeasuredTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size
   ThrowIfCancelled(cancelled);
   DeviceTree tree = BuildHierarchy(gpu, sorted.levels, leaves, std::move(photons));
   timer.Mark("hierarchy");
+  const TreeStatistics statistics = SumStatistics(gpu, leaves.leaf_count, tree);
+  timer.Mark("statistics");
   DeviceWideTree wide;
   if (gpu.device->has_sub_groups()) {
     wide = BuildWideTree(gpu, tree, leaves);
     timer.Mark("wide");
   }
   tree.block_flags = {};
-  const TreeStatistics statistics = SumStatistics(gpu, tree, leaves.leaf_count);
   tree.climbs = {};
-  timer.Mark("statistics");
+  tree.device_root = {};
   return {std::move(tree), std::move(wide), statistics};
 }
 
@@ -106,6 +107,10 @@ class GpuBuilder : public Builder {
                                                   const BuildOptions& options,
                                                   const CancelCheck& cancelled) override {
     if (const auto status = CheckBuild(photons, options); !status.ok()) return status;
+    if (options.builder != BuilderKind::kLbvh) {
+      return absl::UnimplementedError(
+          fmt::format("builder: {} is not built on a device, lbvh is", BuilderName(options)));
+    }
     if (const auto status = CheckFits(gpu_.device->info(), photons, options); !status.ok())
       return status;
     const std::lock_guard lock(gpu_.device->mutex());

@@ -12,16 +12,15 @@ DeviceTree BuildHierarchy(const Gpu& gpu, const Buffer<cl_uchar>& levels, const 
                   Buffer<cl_uint>(gpu.memory(), 2 * node_count),
                   std::move(photons),
                   Buffer<cl_ulong>(gpu.memory(), leaves.leaf_count),
-                  Buffer<cl_uint>(gpu.memory(), leaves.leaf_count + std::size_t{1})};
+                  Buffer<cl_uint>(gpu.memory(), leaves.leaf_count + std::size_t{1}),
+                  Buffer<Root>(gpu.memory(), 1)};
   const Buffer<cl_uchar> heights(gpu.memory(), 2 * node_count);
   const Buffer<cl_uint> meetings(gpu.memory(), node_count);
   meetings.Fill(gpu.queue(), kNoPhoton);  // NOBODY
-  const Buffer<Root> root(gpu.memory(), 1);
   Launch(gpu, gpu.stages, "hierarchy", leaves.leaf_count, kGroupSize, levels.get(),
          leaves.firsts.get(), static_cast<cl_uint>(leaves.leaf_count), tree.photons.get(),
          meetings.get(), tree.nodes.get(), tree.min_ids.get(), heights.get(), tree.climbs.get(),
-         tree.block_flags.get(), root.get());
-  tree.root = root.Read(gpu.queue())[0];
+         tree.block_flags.get(), tree.device_root.get());
   return tree;
 }
 

@@ -18,10 +18,12 @@ struct DeviceTree {
   Buffer<cl_ulong>
       climbs;  ///< [leaf_count] for the statistics of the build; may be dropped after them
   Buffer<cl_uint> block_flags;  ///< [leaf_count + 1] for BuildWideTree, which uses them up
+  Buffer<Root> device_root;     ///< [1]
+  cl_uint block_count = 0;      ///< of the wide tree
 };
 
 /// Builds the tree over `leaves` of `photons` in leaf order, at least one, from the split levels
-/// (hierarchy.cl). Waits.
+/// (hierarchy.cl). Does not wait: `root` and `block_count` are known after SumStatistics.
 DeviceTree BuildHierarchy(const Gpu& gpu, const Buffer<cl_uchar>& levels, const Leaves& leaves,
                           Buffer<LeafPhoton> photons);
 

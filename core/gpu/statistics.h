@@ -6,8 +6,9 @@
 namespace treelight {
 
 /// Statistics of `tree` over `leaf_count` leaves, at least one, as ComputeStatistics of
-/// core/model/tree.h gives them; areas are summed in float (statistics.cl). Waits.
-TreeStatistics SumStatistics(const Gpu& gpu, const DeviceTree& tree, std::size_t leaf_count);
+/// core/model/tree.h gives them; areas are summed in float (statistics.cl). Fills in what the host
+/// needs to know of the tree, its root and its blocks. Waits.
+TreeStatistics SumStatistics(const Gpu& gpu, std::size_t leaf_count, DeviceTree& tree);
 
 }  // namespace treelight
 

@@ -7,10 +7,7 @@ namespace treelight {
 DeviceWideTree BuildWideTree(const Gpu& gpu, const DeviceTree& tree, const Leaves& leaves) {
   const auto leaf_count = static_cast<cl_uint>(leaves.leaf_count);
   ExclusiveScan(gpu, tree.block_flags, leaf_count + std::size_t{1});
-  cl_uint block_count = 0;
-  gpu.queue().enqueueReadBuffer(tree.block_flags.get(), CL_TRUE, leaf_count * sizeof block_count,
-                                sizeof block_count, &block_count);
-
+  const cl_uint block_count = tree.block_count;
   DeviceWideTree wide;
   WideTree& shape = wide.shape;
   cl_uint count = block_count, size = 0;

@@ -15,7 +15,8 @@ struct DeviceWideTree {
   Buffer<WideBox> boxes;
 };
 
-/// Builds the wide tree of `tree`, whose leaves are `leaves`. Waits.
+/// Builds the wide tree of `tree`, whose leaves are `leaves` and whose statistics are summed. Does
+/// not wait.
 DeviceWideTree BuildWideTree(const Gpu& gpu, const DeviceTree& tree, const Leaves& leaves);
 
 }  // namespace treelight

@@ -9,38 +9,54 @@ float relative_area(const float3 extent) {
   return 2.0f * (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x);
 }
 
-/// Sums the surface areas of all children and the depths of all leaves. 1D range of GROUP_SIZE *
-/// any.
-/// @param scale   about 1 / longest edge of the root, so that areas neither overflow nor vanish
-/// @param climbs  [node_count + 1] of hierarchy.cl: their sum is the sum of the leaves' depths
-/// @param areas   [groups] out: in an order of addition that depends on the number of groups alone
-/// @param depths  [groups] out
-kernel void tree_sums(global const Node* restrict nodes, const uint node_count, const float scale,
-                      global const ulong* restrict climbs, global float* restrict areas,
-                      global ulong* restrict depths) {
+// About 1 / longest edge of the root, so that areas neither overflow nor vanish.
+float area_scale(const Root root) {
+  const float longest =
+      fmax(fmax(root.max[0] - root.min[0], root.max[1] - root.min[1]), root.max[2] - root.min[2]);
+  return longest > 0 ? fmin(1.0f / longest, 0x1p100f) : 0.0f;
+}
+
+/// Sums the surface areas of all children, the depths of all leaves, and the blocks. 1D range of
+/// GROUP_SIZE * kTreeSumGroups.
+/// @param climbs       [node_count + 1] of hierarchy.cl: their sum is the sum of the leaves' depths
+/// @param block_flags  [node_count + 1] of hierarchy.cl
+/// @param root         [1] of hierarchy.cl
+/// @param sums         [1] out: in an order of addition that is the same on every device
+kernel void tree_sums(global const Node* restrict nodes, const uint node_count,
+                      global const ulong* restrict climbs, global const uint* restrict block_flags,
+                      global const Root* restrict root, global TreeSums* restrict sums) {
   local float shared_areas[GROUP_SIZE];
   local ulong shared_depths[GROUP_SIZE];
+  local uint shared_blocks[GROUP_SIZE];
   const uint item = get_local_id(0);
+  const float scale = area_scale(*root);
   float area = 0;
-  ulong depth = get_global_id(0) == 0 ? climbs[node_count] : 0;
-  for (uint i = get_global_id(0); i < node_count; i += get_global_size(0)) {
+  ulong depth = 0;
+  uint blocks = 0;
+  for (uint i = get_global_id(0); i <= node_count; i += get_global_size(0)) {
+    depth += climbs[i];
+    blocks += block_flags[i];
+    if (i == node_count) continue;
     global const Node* node = nodes + i;
     area += relative_area((vload3(0, node->left_max) - vload3(0, node->left_min)) * scale);
     area += relative_area((vload3(0, node->right_max) - vload3(0, node->right_min)) * scale);
-    depth += climbs[i];
   }
   shared_areas[item] = area;
   shared_depths[item] = depth;
+  shared_blocks[item] = blocks;
   for (uint half_size = GROUP_SIZE / 2; half_size > 0; half_size /= 2) {
     // The items of the round before wrote what is read now.
     barrier(CLK_LOCAL_MEM_FENCE);
     if (item < half_size) {
       shared_areas[item] += shared_areas[item + half_size];
       shared_depths[item] += shared_depths[item + half_size];
+      shared_blocks[item] += shared_blocks[item + half_size];
     }
   }
   if (item == 0) {
-    areas[get_group_id(0)] = shared_areas[0];
-    depths[get_group_id(0)] = shared_depths[0];
+    sums->areas[get_group_id(0)] = shared_areas[0];
+    sums->depths[get_group_id(0)] = shared_depths[0];
+    sums->blocks[get_group_id(0)] = shared_blocks[0];
+    if (get_group_id(0) == 0) sums->root = *root;
   }
 }

@@ -7,6 +7,7 @@
 #include <cstdint>
 namespace treelight {
 using uint = std::uint32_t;
+using ulong = std::uint64_t;
 #define TREELIGHT_SHARED inline constexpr uint
 #else
 #define TREELIGHT_SHARED constant uint
@@ -39,6 +40,19 @@ typedef struct Root {
   uint count;           /**< photons */
   uint depth;           /**< edges from the root to the deepest leaf */
 } Root;
+
+/** Work-groups that sum over a tree, the same on every device, so that sums of floats have the same
+ * bits. */
+enum { kTreeSumGroups = 64 };
+
+/** What is read back of a tree: its root, and the parts of its sums. */
+typedef struct TreeSums {
+  ulong depths[kTreeSumGroups]; /**< of the leaves, edges from the root */
+  float areas[kTreeSumGroups];  /**< surface areas of all children, relative to the longest edge of
+                                 * the root squared */
+  uint blocks[kTreeSumGroups];  /**< of the wide tree */
+  Root root;
+} TreeSums;
 
 /** Photon in leaf order: position in scene units, index in the order of upload. 16 bytes. */
 typedef struct LeafPhoton {
