@@ -7,6 +7,7 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS treelightd treelight RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/treelight/scenes COMPONENT programs)
 find_program(HELP2MAN help2man)  # without it there are no manual pages
 if(HELP2MAN)
   install(CODE "
