@@ -20,6 +20,11 @@ void ActiveCalls::Close() {
   closed_ = true;
 }
 
+std::size_t ActiveCalls::open() const {
+  const std::lock_guard lock(mutex_);
+  return open_;
+}
+
 std::size_t ActiveCalls::WaitForNone(std::chrono::system_clock::time_point deadline) {
   std::unique_lock lock(mutex_);
   none_.wait_until(lock, deadline, [this] { return open_ == 0; });

@@ -21,11 +21,13 @@ class ActiveCalls {
   /// From now on Enter() returns UNAVAILABLE.
   void Close();
 
+  std::size_t open() const;
+
   /// Waits until no call is open, or `deadline`; returns how many are.
   std::size_t WaitForNone(std::chrono::system_clock::time_point deadline);
 
  private:
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable none_;  // with mutex_: open_ became 0
   std::size_t open_ = 0;          // guarded by mutex_
   bool closed_ = false;           // guarded by mutex_

@@ -8,6 +8,7 @@
 
 #include "fmt/format.h"
 #include "server/answer.h"
+#include "server/guard.h"
 
 namespace treelight::server {
 namespace {
@@ -24,7 +25,7 @@ std::uint64_t Sum(const std::vector<std::uint32_t>& numbers) {
 
 }  // namespace
 
-Batch::Batch(State& state, const Call& call, AnswerForm form)
+Batch::Batch(State& state, Call& call, AnswerForm form)
     : state_(state), call_(call), form_(form), record_(call.NewRecord()) {}
 
 void Batch::Run(const v1::GatherRequest& request, Done done) {
@@ -34,7 +35,8 @@ void Batch::Run(const v1::GatherRequest& request, Done done) {
       TakeMemory(Holder::kMessages, kMessageCopies * record_.bytes_in, message_memory_);
   if (!admitted.ok()) return done(admitted);
   state_.RunOnCpu(record_.bytes_in, [this, &request, done = std::move(done)] {
-    if (auto status = Parse(request); !status.ok()) return done(status);
+    const auto parsed = Guard([this, &request] { return Parse(request); });
+    if (!parsed.ok()) return done(parsed);
     GatherNext(done);
   });
 }
@@ -48,7 +50,7 @@ void Batch::GatherNext(Done done) {
         timings.set_queue_us(timings.queue_us() + queue_us);
         if (!turn.ok()) return done(turn);
         const Stopwatch held;
-        const auto status = call_.Explain(Gather());
+        const auto status = call_.Explain(Guard([this] { return Gather(); }));
         record_.device_us = record_.device_us.value_or(0) + held.microseconds();
         done(status);
       },
@@ -182,7 +184,7 @@ std::size_t Batch::next_bytes() const {
 
 void Batch::Log(const absl::Status& status) {
   if (!complete() || !status.ok()) record_.timings.set_total_us(watch_.microseconds());
-  state_.log->Write(record_, status);
+  call_.Log(record_, status);
 }
 
 }  // namespace treelight::server

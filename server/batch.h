@@ -31,7 +31,7 @@ class Batch {
   using Done = std::function<void(const absl::Status&)>;
 
   /// Everything outlives the batch.
-  Batch(State& state, const Call& call, AnswerForm form);
+  Batch(State& state, Call& call, AnswerForm form);
 
   /// Parses `request`, waits for the device and gathers the first slice. `done`: OK, or the error
   /// that photon_map.proto documents, UNAVAILABLE where the call was not admitted. `request` may go
@@ -65,7 +65,7 @@ class Batch {
   void Describe(const v1::GatherRequest& request);
 
   State& state_;
-  const Call& call_;
+  Call& call_;
   const AnswerForm form_;
   const Stopwatch watch_;
   RequestRecord record_;

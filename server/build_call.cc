@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "fmt/format.h"
+#include "server/guard.h"
 
 namespace treelight::server {
 
@@ -127,7 +128,7 @@ void BuildCall::Submit() {
                                    record_.timings.set_queue_us(queue_us);
                                    if (!turn.ok()) return End(turn);
                                    const Stopwatch held;
-                                   const absl::Status status = Build();
+                                   const absl::Status status = Guard([this] { return Build(); });
                                    record_.device_us = held.microseconds();
                                    End(status);
                                  },
@@ -185,9 +186,9 @@ void BuildCall::Answer(const MapHandle& map) {
 
 void BuildCall::End(const absl::Status& status) {
   if (!status.ok()) record_.timings.set_total_us(watch_.microseconds());
-  state_.log->Write(record_, status);
+  call_.Log(record_, status);
   Release();
-  Finish(ToGrpcStatus(status));
+  Finish(call_.End(status));
 }
 
 }  // namespace treelight::server

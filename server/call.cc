@@ -44,10 +44,13 @@ Call::Call(State& state, grpc::CallbackServerContext& context, std::string_view 
   record_.request_id = RequestId(context);
   record_.method = method;
   record_.peer = context.peer();
+  state_.metrics.CallStarted(record_.method);
 }
 
 Call::~Call() {
   ClientMoved();  // nobody ends the call from here on
+  state_.metrics.CallEnded(record_.method, code_, 1e-6 * watch_.microseconds(), received_bytes_,
+                           sent_bytes_);
   state_.calls.Leave();
 }
 
@@ -83,5 +86,19 @@ absl::Status Call::Explain(const absl::Status& status) const {
 }
 
 RequestRecord Call::NewRecord() const { return record_; }
+
+void Call::Log(RequestRecord& record, const absl::Status& status) {
+  const auto slow = std::chrono::duration<double, std::micro>(state_.options.slow);
+  record.slow = slow.count() > 0 && record.timings.total_us() > slow.count();
+  received_bytes_ += record.bytes_in;
+  sent_bytes_ += record.bytes_out;
+  state_.metrics.Request(record, status);
+  state_.log->Write(record, status);
+}
+
+grpc::Status Call::End(const absl::Status& status) {
+  code_ = status.code();
+  return ToGrpcStatus(status);
+}
 
 }  // namespace treelight::server

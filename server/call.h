@@ -67,6 +67,12 @@ class Call {
   /// A record with what is known of the call: method, peer, request id.
   RequestRecord NewRecord() const;
 
+  /// Writes `record`, of the call or of a batch of it, to the log and to the metrics.
+  void Log(RequestRecord& record, const absl::Status& status);
+
+  /// How the call ends; for Finish().
+  grpc::Status End(const absl::Status& status);
+
  private:
   State& state_;
   grpc::CallbackServerContext& context_;
@@ -75,6 +81,10 @@ class Call {
   std::atomic<bool> abandoned_ = false;
   std::atomic<bool> stalled_ = false;
   RequestRecord record_;
+  const Stopwatch watch_;
+  // Of what was logged; one thread at a time logs.
+  std::uint64_t received_bytes_ = 0, sent_bytes_ = 0;
+  absl::StatusCode code_ = absl::StatusCode::kUnknown;
 };
 
 }  // namespace treelight::server

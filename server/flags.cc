@@ -21,6 +21,12 @@ constexpr const char* kDescription =
     "environment "
     "(TREELIGHT_LISTEN).";
 
+constexpr const char* kExitCodes =
+    "Exit codes: 0 it has drained, or the server asked by healthcheck serves; 1 it cannot serve, "
+    "or "
+    "the server asked does not; 2 wrong command line; 130 a signal came before it served, or a "
+    "second one while it drained.";
+
 /// "--queue-depth" is TREELIGHT_QUEUE_DEPTH in the environment.
 std::string Variable(const std::string& option) {
   std::string name = "TREELIGHT_";
@@ -41,7 +47,7 @@ struct Seconds {
       : drain(std::chrono::duration<double>(flags.drain).count()),
         stall(std::chrono::duration<double>(flags.server.stall).count()) {}
 
-  double drain, stall;
+  double drain, stall, drain_delay = 0;
 };
 
 std::chrono::milliseconds ToMilliseconds(double seconds) {
@@ -87,7 +93,7 @@ std::string Explain(const CLI::ParseError& error, CLI::App& app) {
                      Printable(what.substr(kNotAnOption.size())));
 }
 
-void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds) {
+void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slow_ms) {
   ServerOptions& server = flags.server;
   Add(app, "--listen", server.listen, "HOST:PORT, port 0 for a free one; or unix:/PATH")
       ->check(
@@ -114,19 +120,34 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds) {
   Add(app, "--stall-seconds", seconds.stall,
       "Time that a client may stand still in an upload or an answer")
       ->check([](const std::string& text) { return CheckSeconds(text, 0.001); });
-  Add(app, "--drain-seconds", seconds.drain, "Time for open calls to finish after SIGTERM")
+  Add(app, "--drain-delay", seconds.drain_delay,
+      "Seconds after SIGTERM in which health says NOT_SERVING and new calls are served still")
       ->check([](const std::string& text) { return CheckSeconds(text, 0); });
-  Add(app, "--log-file", server.log_file, "Request log; stderr without it");
+  Add(app, "--drain-seconds", seconds.drain, "Time for open calls to finish after that")
+      ->check([](const std::string& text) { return CheckSeconds(text, 0); });
+  Add(app, "--log-file", server.log_file, "Request log, opened anew at SIGHUP; stderr without it");
+  Add(app, "--slow-ms", slow_ms,
+      "Requests that take longer have \"slow\":true in the log and are counted; 0: none")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{86'400'000}));
+  Add(app, "--metrics-listen", server.metrics_listen,
+      "HOST:PORT of GET /metrics for Prometheus, 127.0.0.1:9464 say; none without it")
+      ->check(
+          [](const std::string& listen) { return std::string(CheckAddress(listen).message()); });
 }
 
 }  // namespace
 
-std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv) {
+std::variant<Flags, HealthCheck, Exit> ParseFlags(int argc, const char* const* argv) {
   Flags flags;
   Seconds seconds(flags);
   CLI::App app(kDescription, "treelightd");
   app.set_version_flag("--version", fmt::format("treelightd {}", kVersion));
-  AddOptions(app, flags, seconds);
+  std::int64_t slow_ms = flags.server.slow.count();
+  AddOptions(app, flags, seconds, slow_ms);
+  app.footer(kExitCodes);
+  CLI::App* const health_check = app.add_subcommand(
+      "healthcheck", "Ask the server at --listen whether it serves: exit code 0, else 1");
+  health_check->fallthrough();  // its options are the server's
   const char* config = std::getenv("TREELIGHT_CONFIG");
   const bool has_config = config != nullptr && *config != '\0';
   // A file that is named has to be there.
@@ -142,7 +163,10 @@ std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv) {
     return Exit{kExitWrongUsage};
   }
   flags.drain = ToMilliseconds(seconds.drain);
+  flags.drain_delay = ToMilliseconds(seconds.drain_delay);
+  flags.server.slow = std::chrono::milliseconds(slow_ms);
   flags.server.stall = ToMilliseconds(seconds.stall);
+  if (health_check->parsed()) return HealthCheck{flags.server.listen};
   if (auto status = CheckOptions(flags.server); !status.ok()) {
     fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
     return Exit{kExitWrongUsage};

@@ -15,7 +15,14 @@ namespace treelight::server {
 struct Flags {
   ServerOptions server;
   DeviceOptions device;
+  /// Between NOT_SERVING and the moment from which new calls are refused.
+  std::chrono::milliseconds drain_delay{};
   std::chrono::milliseconds drain = std::chrono::seconds(30);  ///< given to open calls at the end
+};
+
+/// `treelightd healthcheck`: ask the server at `listen` and end.
+struct HealthCheck {
+  std::string listen;
 };
 
 /// Nothing is left to do: the process ends with this code.
@@ -29,7 +36,7 @@ inline constexpr int kExitFailure = 1, kExitWrongUsage = 2, kExitSignal = 130;
 /// Reads the flags. Exit where --help or --version was answered (0), or something is wrong, which
 /// one line on stderr then tells (kExitWrongUsage). What the command line says goes before the
 /// file, the file before the environment.
-std::variant<Flags, Exit> ParseFlags(int argc, const char* const* argv);
+std::variant<Flags, HealthCheck, Exit> ParseFlags(int argc, const char* const* argv);
 
 }  // namespace treelight::server
 

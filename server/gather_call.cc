@@ -1,5 +1,7 @@
 #include "server/gather_call.h"
 
+#include "server/guard.h"
+
 namespace treelight::server {
 
 GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context,
@@ -14,11 +16,13 @@ GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context,
   });
 }
 
-void GatherCall::Answer() { End(batch_.WriteNext(response_)); }
+void GatherCall::Answer() {
+  End(Guard([this] { return batch_.WriteNext(response_); }));
+}
 
 void GatherCall::End(const absl::Status& status) {
   batch_.Log(status);
-  Finish(ToGrpcStatus(status));
+  Finish(call_.End(status));
 }
 
 }  // namespace treelight::server

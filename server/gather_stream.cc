@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "server/guard.h"
+
 namespace treelight::server {
 namespace {
 
@@ -79,7 +81,8 @@ void GatherStream::OnWriteDone(bool ok) {
 /// Makes the next part of `entry`'s answer and sends it.
 void GatherStream::WritePart(Entry& entry) {
   response_.Clear();
-  if (auto status = entry.batch.WriteNext(response_); !status.ok()) {
+  const auto status = Guard([&] { return entry.batch.WriteNext(response_); });
+  if (!status.ok()) {
     return Advance([&] {
       writing_ = false;
       entry.stage = Entry::Stage::kFailed;
@@ -102,7 +105,7 @@ void GatherStream::Log(const absl::Status& status) {
   RequestRecord record = call_.NewRecord();
   record.device = state_.device_name();
   record.timings.set_total_us(watch_.microseconds());
-  state_.log->Write(record, status);
+  call_.Log(record, status);
 }
 
 /// Takes note of what happened and does what has become possible: read, write a part, or finish.
@@ -145,7 +148,7 @@ void GatherStream::Advance(Event event) {
   if (write != nullptr) {
     state_.RunOnCpu(write->batch.next_bytes(), [this, write] { WritePart(*write); });
   }
-  if (finish) Finish(ToGrpcStatus(*finish));
+  if (finish) Finish(call_.End(*finish));
 }
 
 }  // namespace treelight::server

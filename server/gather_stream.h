@@ -31,7 +31,7 @@ class GatherStream final : public grpc::ServerBidiReactor<v1::GatherRequest, v1:
   struct Entry {
     enum class Stage { kGathering, kReady, kFailed };
 
-    Entry(State& state, const Call& call) : batch(state, call, AnswerForm::kParts) {}
+    Entry(State& state, Call& call) : batch(state, call, AnswerForm::kParts) {}
 
     v1::GatherRequest request;
     Batch batch;

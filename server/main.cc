@@ -1,15 +1,11 @@
 // treelightd: serves photon maps until SIGTERM or SIGINT.
 //
-// Exit codes: 0 drained, or --help; 1 it cannot serve; 2 wrong command line; 130 a signal came
-// before it served, or a second one while it drained.
+// Exit codes: 0 drained, healthy, or --help; 1 it cannot serve, or does not; 2 wrong command line;
+// 130 a signal came before it served, or a second one while it drained.
 
-#include <unistd.h>
-
-#include <condition_variable>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -17,8 +13,11 @@
 
 #include "fmt/format.h"
 #include "grpc/support/log.h"
+#include "server/address.h"
 #include "server/flags.h"
+#include "server/health_check.h"
 #include "server/server.h"
+#include "server/signal_watch.h"
 #include "server/version.h"
 #include "server/warm_up.h"
 
@@ -30,60 +29,36 @@ int Fail(const absl::Status& status, int code) {
   return code;
 }
 
-/// Takes SIGTERM and SIGINT on a thread of its own. A signal before BeginServing(), while kernels
-/// compile say, ends the process at once, as does a second one after it. Lives as long as the
-/// process; made before any other thread, as those inherit that the signals are blocked.
-class SignalWatch {
- public:
-  SignalWatch() {
-    sigset_t signals;
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGTERM);
-    sigaddset(&signals, SIGINT);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    std::thread([this, signals] {
-      while (true) {
-        int signal = 0;
-        sigwait(&signals, &signal);
-        const std::lock_guard lock(mutex_);
-        // Under the lock: nothing is printed as if the process went on.
-        if (!serving_ || signalled_) std::_Exit(kExitSignal);
-        signalled_ = true;
-        wake_.notify_one();
-      }
-    }).detach();
-  }
-  SignalWatch(const SignalWatch&) = delete;
-  SignalWatch& operator=(const SignalWatch&) = delete;
-
-  /// From now on the first signal ends Wait() instead of the process.
-  void BeginServing() {
-    const std::lock_guard lock(mutex_);
-    serving_ = true;
-  }
-
-  /// Blocks until the first signal.
-  void Wait() {
-    std::unique_lock lock(mutex_);
-    wake_.wait(lock, [this] { return signalled_; });
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable wake_;  // with mutex_: signalled_ became true
-  bool serving_ = false;          // guarded by mutex_
-  bool signalled_ = false;        // guarded by mutex_
-};
-
 /// gRPC's own lines would stand between ours; GRPC_VERBOSITY brings them back.
 void QuietGrpc() {
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
+/// `treelightd healthcheck`.
+int AnswerHealth(const HealthCheck& check) {
+  constexpr std::chrono::seconds kTimeout{5};
+  const auto healthy = CheckHealth(check.listen, kTimeout);
+  return healthy.ok() ? 0 : Fail(healthy, kExitFailure);
+}
+
 /// Waits for a signal, then drains.
-void ServeUntilSignal(Server& server, SignalWatch& signals, std::chrono::milliseconds drain) {
+void ServeUntilSignal(Server& server, SignalWatch& signals, const Flags& flags) {
+  signals.BeginServing([&server] {
+    const auto reopened = server.ReopenLog();
+    if (!reopened.ok()) Fail(reopened, kExitFailure);  // only told: lines go on to the old file
+  });
+  fmt::print("treelightd {} listening on {}, device {}: {}\n", kVersion, server.address(),
+             flags.server.device_index, flags.server.devices[flags.server.device_index].name);
+  if (server.metrics_port() > 0) {
+    fmt::print("treelightd: metrics at http://{}/metrics\n",
+               WithPort(flags.server.metrics_listen, server.metrics_port()));
+  }
+  std::fflush(stdout);
   signals.Wait();
-  const std::size_t cut_off = server.Drain(std::chrono::system_clock::now() + drain);
+  server.AnnounceEnd();
+  std::this_thread::sleep_for(flags.drain_delay);
+  const std::size_t cut_off = server.Drain(std::chrono::system_clock::now() + flags.drain);
+  signals.EndServing();
   if (cut_off > 0) {
     fmt::print(stderr, "treelightd: {} calls were open after --drain-seconds and were cancelled\n",
                cut_off);
@@ -91,11 +66,12 @@ void ServeUntilSignal(Server& server, SignalWatch& signals, std::chrono::millise
 }
 
 int Main(int argc, const char* const* argv) {
-  static SignalWatch signals;     // its thread may outlive main()
+  static SignalWatch signals(kExitSignal);  // its thread may outlive main()
   std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
   QuietGrpc();
   auto parsed = ParseFlags(argc, argv);
   if (const auto* exit = std::get_if<Exit>(&parsed)) return exit->code;
+  if (const auto* check = std::get_if<HealthCheck>(&parsed)) return AnswerHealth(*check);
   Flags& flags = std::get<Flags>(parsed);
 
   // The device; all that the server builds is built on it.
@@ -110,11 +86,7 @@ int Main(int argc, const char* const* argv) {
 
   auto server = Server::Start(flags.server, *std::move(builder));
   if (!server.ok()) return Fail(server.status(), kExitFailure);
-  signals.BeginServing();
-  fmt::print("treelightd {} listening on {}, device {}: {}\n", kVersion, (*server)->address(),
-             device->index, device->name);
-  std::fflush(stdout);
-  ServeUntilSignal(**server, signals, flags.drain);
+  ServeUntilSignal(**server, signals, flags);
   return 0;
 }
 

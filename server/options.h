@@ -40,6 +40,10 @@ struct ServerOptions {
   /// How long a client may stand still in the middle of an upload or of an answer, at least 1 ms.
   std::chrono::milliseconds stall = std::chrono::seconds(60);
   std::string log_file;  ///< of the request log; empty: stderr
+  /// Requests that take longer are marked in the log and counted; 0: none.
+  std::chrono::milliseconds slow{};
+  /// "host:port" of GET /metrics, as `listen`; empty: nowhere.
+  std::string metrics_listen;
   Limits limits;
   std::vector<DeviceInfo>
       devices;           ///< of the machine; empty: not known, then no device limit is checked

@@ -1,18 +1,12 @@
 #include "server/request_log.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "fmt/chrono.h"
 #include "fmt/format.h"
 #include "nlohmann/json.hpp"
 #include "spdlog/async.h"
-#include "spdlog/sinks/basic_file_sink.h"
 #include "spdlog/sinks/stdout_sinks.h"
 
 namespace treelight::server {
@@ -38,18 +32,6 @@ nlohmann::ordered_json FormatRadius(float radius) {
 template <typename T>
 void Set(nlohmann::ordered_json& json, const char* key, const std::optional<T>& value) {
   if (value) json[key] = *value;
-}
-
-/// Opens `file` to append as the log will, and writes nothing: a full device refuses that too.
-absl::Status CheckWritable(const std::string& file) {
-  const int handle = open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666);
-  int error = handle < 0 ? errno : 0;
-  if (handle >= 0) {
-    if (write(handle, "", 0) < 0) error = errno;
-    close(handle);
-  }
-  if (error == 0) return absl::OkStatus();
-  return absl::PermissionDeniedError(fmt::format("log file '{}': {}", file, std::strerror(error)));
 }
 
 }  // namespace
@@ -89,6 +71,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   Set(json, "nodes_visited", record.nodes_visited);
   Set(json, "distance_tests", record.distance_tests);
   if (!record.device.empty()) json["device"] = record.device;
+  if (record.slow) json["slow"] = true;
   json["code"] = absl::StatusCodeToString(status.code());
   if (!status.ok()) json["message"] = std::string(status.message());
   // A byte that is no UTF-8 must not cost the line.
@@ -96,20 +79,16 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
 }
 
 absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& file) {
+  std::shared_ptr<LogFile> log_file;
   if (!file.empty()) {
-    if (auto status = CheckWritable(file); !status.ok()) return status;
+    auto opened = LogFile::Open(file);
+    if (!opened.ok()) return opened.status();
+    log_file = *std::move(opened);
   }
-  spdlog::sink_ptr sink;
-  try {
-    if (file.empty()) {
-      sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
-    } else {
-      sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file);
-    }
-  } catch (const spdlog::spdlog_ex& error) {
-    return absl::PermissionDeniedError(fmt::format("log file '{}': {}", file, error.what()));
-  }
+  spdlog::sink_ptr sink = log_file;
+  if (sink == nullptr) sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();
   std::unique_ptr<RequestLog> log(new RequestLog);
+  log->file_ = log_file;
   log->writer_ = std::make_shared<spdlog::details::thread_pool>(kLinesAhead, 1);
   log->logger_ = std::make_shared<spdlog::async_logger>("requests", std::move(sink), log->writer_,
                                                         spdlog::async_overflow_policy::block);
@@ -122,6 +101,8 @@ RequestLog::~RequestLog() {
   logger_.reset();
   writer_.reset();  // the last reference: joins the writer when its queue is empty
 }
+
+absl::Status RequestLog::Reopen() { return file_ == nullptr ? absl::OkStatus() : file_->Reopen(); }
 
 void RequestLog::Write(const RequestRecord& record, const absl::Status& status) {
   logger_->info(ToJson(record, status, std::chrono::system_clock::now()));

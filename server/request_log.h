@@ -10,6 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/gatherer.h"
+#include "server/log_file.h"
 #include "spdlog/async_logger.h"
 #include "treelight/v1/photon_map.pb.h"
 
@@ -42,6 +43,7 @@ struct RequestRecord {
       nodes_visited;  ///< sum over the batch, where STATISTICS was asked for
   std::optional<std::uint64_t> distance_tests;
   std::string device;  ///< that it used, or would have
+  bool slow = false;   ///< took longer than --slow-ms
 };
 
 /// `record` as one line of JSON without the line's end; `time` is when the request ended.
@@ -53,8 +55,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
 /// wait for it, so that no line is lost.
 class RequestLog {
  public:
-  /// `file` is appended to; empty: stderr. PERMISSION_DENIED: it cannot be opened or
-  /// written to, as far as that shows before the first line; folders are not made.
+  /// `file` is appended to; empty: stderr. PERMISSION_DENIED: see LogFile::Open.
   static absl::StatusOr<std::unique_ptr<RequestLog>> Open(const std::string& file);
 
   /// Writes what is left.
@@ -62,11 +63,16 @@ class RequestLog {
 
   void Write(const RequestRecord& record, const absl::Status& status);
 
+  /// Opens the file anew, after it was renamed; see LogFile::Reopen. Nothing on stderr. Lines that
+  /// wait to be written may go to either.
+  absl::Status Reopen();
+
  private:
   RequestLog() = default;
 
   std::shared_ptr<spdlog::details::thread_pool> writer_;
   std::shared_ptr<spdlog::async_logger> logger_;
+  std::shared_ptr<LogFile> file_;  // null: stderr
 };
 
 }  // namespace treelight::server

@@ -10,6 +10,7 @@
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
 #include "server/address.h"
+#include "server/metrics_endpoint.h"
 #include "server/service.h"
 #include "server/unix_socket.h"
 
@@ -48,7 +49,8 @@ struct Server::Impl {
   State state;
   PhotonMapService service;
   int port = 0;
-  std::unique_ptr<grpc::Server> server;  // last: its calls use the rest
+  std::unique_ptr<MetricsEndpoint> metrics;  // null where nobody asked for it
+  std::unique_ptr<grpc::Server> server;      // last: its calls use the rest
 };
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options,
@@ -60,6 +62,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   if (!log.ok()) return log.status();
   auto impl = std::make_unique<Impl>(options, std::move(builder), *std::move(log));
   impl->lock = *std::move(lock);
+
+  if (!options.metrics_listen.empty()) {
+    auto metrics = MetricsEndpoint::Start(options.metrics_listen, impl->state);
+    if (!metrics.ok()) return metrics.status();
+    impl->metrics = *std::move(metrics);
+  }
 
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -88,14 +96,20 @@ Server::~Server() { impl_->server->Shutdown(std::chrono::system_clock::now()); }
 
 int Server::port() const { return impl_->port; }
 
+int Server::metrics_port() const { return impl_->metrics == nullptr ? 0 : impl_->metrics->port(); }
+
+absl::Status Server::ReopenLog() { return impl_->state.log->Reopen(); }
+
 std::string Server::address() const { return WithPort(impl_->state.options.listen, impl_->port); }
 
 std::shared_ptr<grpc::Channel> Server::InProcessChannel(const grpc::ChannelArguments& arguments) {
   return impl_->server->InProcessChannel(arguments);
 }
 
+void Server::AnnounceEnd() { impl_->server->GetHealthCheckService()->SetServingStatus(false); }
+
 std::size_t Server::Drain(std::chrono::system_clock::time_point deadline) {
-  impl_->server->GetHealthCheckService()->SetServingStatus(false);
+  AnnounceEnd();
   impl_->state.calls.Close();
   const std::size_t cut_off = impl_->state.calls.WaitForNone(deadline);
   // Only health watchers, and what has run out of time, are open still: gRPC cancels them.

@@ -20,7 +20,8 @@ class Server {
  public:
   /// Starts to serve maps that `builder` makes. INVALID_ARGUMENT: an option is wrong, or the
   /// address is not loopback and ServerOptions::allow_remote is false. UNAVAILABLE: the address
-  /// cannot be bound. PERMISSION_DENIED: the log file cannot be opened or written to.
+  /// cannot be bound, nor that of the metrics. PERMISSION_DENIED: the log file cannot be opened or
+  /// written to.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options,
                                                        std::unique_ptr<Builder> builder);
 
@@ -30,11 +31,22 @@ class Server {
   /// TCP port bound; 0 where there is none (Unix socket, in-process only).
   int port() const;
 
+  /// TCP port of the metrics; 0 where there is none.
+  int metrics_port() const;
+
+  /// Opens the file of the request log anew, after it was renamed. PERMISSION_DENIED: it cannot be;
+  /// lines go on to the old one.
+  absl::Status ReopenLog();
+
   /// Where clients reach it: ServerOptions::listen with the port that was taken.
   std::string address() const;
 
   /// A channel that needs no socket. The server must outlive its calls.
   std::shared_ptr<grpc::Channel> InProcessChannel(const grpc::ChannelArguments& arguments = {});
+
+  /// Health says NOT_SERVING from now on, so that balancers send new calls elsewhere; those that
+  /// come are served still.
+  void AnnounceEnd();
 
   /// Ends the service: health says NOT_SERVING and new calls get UNAVAILABLE at once, those that
   /// are open may finish until `deadline`, after which they are cancelled. Returns how many were;

@@ -35,8 +35,8 @@ class QuickCall final : public grpc::ServerUnaryReactor {
     record.bytes_in = request.ByteSizeLong();
     record.bytes_out = status.ok() ? response.ByteSizeLong() : 0;
     record.timings.set_total_us(watch.microseconds());
-    state.log->Write(record, status);
-    Finish(ToGrpcStatus(status));
+    call_.Log(record, status);
+    Finish(call_.End(status));
   }
 
   void OnDone() override { delete this; }

@@ -15,6 +15,7 @@
 #include "server/machine_memory.h"
 #include "server/map_store.h"
 #include "server/memory_budget.h"
+#include "server/metrics.h"
 #include "server/options.h"
 #include "server/request_log.h"
 #include "server/stall_watch.h"
@@ -61,6 +62,7 @@ struct State {
   const std::unique_ptr<Builder> builder;  ///< used on the device queue's thread
   const std::unique_ptr<RequestLog> log;
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  Metrics metrics;
   MemoryBudget memory;
   BuildSlots build_slots;
   MapStore store;

@@ -97,9 +97,11 @@ grpc::Status Stream(v1::PhotonMapService::Stub& stub, std::span<const v1::Gather
 
 ServerTest::ServerTest() {
   const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+  std::string name = test->name();
+  std::ranges::replace(name, '/', '_');  // of a parameter
   options_.listen = "";
   options_.log_file = std::filesystem::temp_directory_path() /
-                      ("treelight_" + std::to_string(getpid()) + "_" + test->name());
+                      ("treelight_" + std::to_string(getpid()) + "_" + name);
 }
 
 ServerTest::~ServerTest() {
