@@ -118,11 +118,17 @@ TEST_F(TreelightCommandTest, AWrongCommandLineIsOneLineAndExitCode2) {
   EXPECT_THAT(FailingRun("render --exposure nan", 2), HasSubstr("--exposure"));
   EXPECT_THAT(FailingRun("render --radius nan", 2), HasSubstr("--radius"));
   EXPECT_THAT(FailingRun("render --seed -1", 2), HasSubstr("--seed"));
+  for (const std::string command : {"render", "trace --output x.ply"}) {
+    EXPECT_THAT(FailingRun(command + " --seed 18446744073709551616", 2),
+                HasSubstr("--seed: '18446744073709551616' is more than 18446744073709551615"));
+  }
   EXPECT_THAT(FailingRun("render --output a.png --output a.png", 2), HasSubstr("given twice"));
   EXPECT_THAT(FailingRun("render --kernel gauss", 2), HasSubstr("gauss"));
   EXPECT_THAT(FailingRun("render --caustic-kernel gauss", 2), HasSubstr("gauss"));
   EXPECT_THAT(FailingRun("render --final-gather -1", 2), HasSubstr("--final-gather"));
   EXPECT_THAT(FailingRun("render --noise 0.1", 2), HasSubstr("--noise requires --reference"));
+  EXPECT_THAT(FailingRun("render --reference --final-gather 4", 2),
+              AllOf(HasSubstr("--final-gather"), HasSubstr("--reference")));
   EXPECT_THAT(FailingRun("render --layers --output a.png", 2), HasSubstr("ends in .exr"));
   EXPECT_THAT(FailingRun("render --preview a.jpg", 2), HasSubstr("neither in .png nor in .exr"));
   EXPECT_THAT(FailingRun("render --preview a.png --output a.png", 2), HasSubstr("is an --output"));

@@ -1,5 +1,8 @@
 #include "client/commands/check.h"
 
+#include <charconv>
+#include <cstdint>
+#include <limits>
 #include <string>
 
 #include "fmt/format.h"
@@ -28,8 +31,13 @@ CLI::Validator NumberIn(double min, double max) {
 
 CLI::Validator WithoutSign() {
   return Check([](const std::string& text) {
-    return text.find_first_of("+-") == text.npos ? std::string()
-                                                 : fmt::format("'{}' has a sign", text);
+    if (text.find_first_of("+-") != text.npos) return fmt::format("'{}' has a sign", text);
+    std::uint64_t value = 0;
+    const auto error = std::from_chars(text.data(), text.data() + text.size(), value).ec;
+    return error == std::errc::result_out_of_range
+               ? fmt::format("'{}' is more than {}", text,
+                             std::numeric_limits<std::uint64_t>::max())
+               : std::string();
   });
 }
 

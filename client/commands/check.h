@@ -8,7 +8,8 @@ namespace treelight::client {
 /// A number in [min, max]. CLI::Range lets NaN pass.
 CLI::Validator NumberIn(double min, double max);
 
-/// A whole number without a sign. CLI11 alone reads -1 as the largest of its type.
+/// A whole number below 2^64, without a sign. CLI11 alone reads -1, and what is too large, as
+/// others.
 CLI::Validator WithoutSign();
 
 /// A name as the server takes it: 1 to 128 characters of A-Z a-z 0-9 . _ -

@@ -94,6 +94,15 @@ void AddReferenceOptions(CLI::App& command, RenderChoice& choice) {
       ->needs(reference);
 }
 
+/// A reference has no photon maps: their options beside it are errors, not passed over.
+void RefuseWithReference(CLI::App& command) {
+  for (const char* name :
+       {"--photons", "--caustic-photons", "--k", "--radius", "--kernel", "--caustic-k",
+        "--caustic-radius", "--caustic-kernel", "--final-gather", "--map-name", "--keep-map"}) {
+    command.get_option(name)->excludes("--reference");
+  }
+}
+
 void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
   command.add_option("--photons", choice.photon_count, "Photons of the indirect map; 0: none")
       ->capture_default_str()
@@ -148,6 +157,7 @@ void AddRenderOptions(CLI::App& command, RenderChoice& choice) {
   AddOutputOptions(command, choice);
   AddReferenceOptions(command, choice);
   AddPhotonOptions(command, choice);
+  RefuseWithReference(command);
 }
 
 void CheckRenderOptions(RenderChoice& choice) {
