@@ -97,14 +97,12 @@ absl::Status BuildCall::Admit() {
   if (!slot.ok()) return slot.status();
   slot_ = *std::move(slot);
   const std::string what = fmt::format("header.photon_count is {}", plan_.photon_count);
-  auto upload = state_.memory.Take(Holder::kUploads, UploadBytes(plan_, state_.options.limits),
-                                   what, retry_delay);
-  if (!upload.ok()) return upload.status();
-  upload_memory_ = *std::move(upload);
-  if (!state_.maps_in_host_memory()) return absl::OkStatus();
-  auto map = state_.memory.Take(Holder::kMaps, MapBytes(plan_), what, retry_delay);
-  if (!map.ok()) return map.status();
-  map_memory_ = *std::move(map);
+  const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
+  auto memory = state_.memory.Take(
+      Holder::kUploads, UploadBytes(plan_, state_.options.limits) + map_bytes, what, retry_delay);
+  if (!memory.ok()) return memory.status();
+  upload_memory_ = *std::move(memory);
+  map_memory_ = upload_memory_.Split(Holder::kMaps, map_bytes);
   return absl::OkStatus();
 }
 
@@ -155,7 +153,7 @@ absl::Status BuildCall::Build() {
                 .created = std::chrono::system_clock::now(),
                 .expires = {},
                 .memory = std::move(map_memory_)};
-  map.memory.Resize(map.gatherer->report().device_bytes);  // of a map in host memory
+  if (state_.maps_in_host_memory()) map.memory.Resize(map.gatherer->report().device_bytes);
   if (plan_.time_to_live.count() > 0) map.expires = map.created + plan_.time_to_live;
   for (const StageTime& stage : map.gatherer->report().stages) {
     v1::Timings& timings = record_.timings;

@@ -1,5 +1,6 @@
 #include "server/memory_budget.h"
 
+#include <cassert>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -55,6 +56,15 @@ void MemoryBudget::Share::Resize(std::uint64_t bytes) {
   const std::lock_guard lock(books_->mutex);
   Of(books_->usage, holder_) += bytes - bytes_;
   bytes_ = bytes;
+}
+
+MemoryBudget::Share MemoryBudget::Share::Split(Holder holder, std::uint64_t bytes) {
+  assert(books_ != nullptr && bytes <= bytes_);
+  const std::lock_guard lock(books_->mutex);
+  Of(books_->usage, holder_) -= bytes;
+  Of(books_->usage, holder) += bytes;
+  bytes_ -= bytes;
+  return {books_, holder, bytes};
 }
 
 void MemoryBudget::Share::Release() {

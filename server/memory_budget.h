@@ -42,6 +42,10 @@ class MemoryBudget {
     /// foreseen.
     void Resize(std::uint64_t bytes);
 
+    /// A share of its own of `bytes`, at most bytes(), which this one loses: for what is asked for
+    /// at once and held for two reasons.
+    Share Split(Holder holder, std::uint64_t bytes);
+
     std::uint64_t bytes() const { return bytes_; }
 
    private:

@@ -77,6 +77,20 @@ TEST(MemoryBudgetTest, AShareGrowsOverTheLimitAndThenNobodyTakes) {
   EXPECT_TRUE(budget.Take(Holder::kUploads, 90, "upload", 1ms).ok());
 }
 
+TEST(MemoryBudgetTest, AShareIsSplitByWhatItIsFor) {
+  MemoryBudget budget(100);
+  auto whole = budget.Take(Holder::kUploads, 90, "build", 1ms);
+  {
+    const auto map = whole->Split(Holder::kMaps, 60);
+    EXPECT_EQ(Held(budget, Holder::kUploads), 30u);
+    EXPECT_EQ(Held(budget, Holder::kMaps), 60u);
+    *whole = {};
+    EXPECT_EQ(Held(budget, Holder::kUploads), 0u);
+    EXPECT_EQ(map.bytes(), 60u);
+  }
+  EXPECT_EQ(Held(budget, Holder::kMaps), 0u);
+}
+
 TEST(MemoryBudgetTest, AShareMayOutliveTheBudget) {
   MemoryBudget::Share share;
   {

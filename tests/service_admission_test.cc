@@ -130,6 +130,10 @@ TEST_F(ServiceAdmissionTest, MapsOfACpuCountAndAreGivenBackWhenTheyGo) {
   upload[0].mutable_header()->set_photon_count(1'000'000);  // 32 MB and a map of 72 MB
   const auto status = BeginBuild(upload[0])->writer->Finish();
   EXPECT_EQ(ReadDetails(status).quota, "memory");
+  // Each of both would fit, together they never do: that is what the client has to know.
+  EXPECT_EQ(ReadDetails(status).retry_seconds, -1);
+  EXPECT_EQ(status.error_message().find("header.photon_count is 1000000: 104194304 bytes"), 0u)
+      << status.error_message();
   Delete("cloud");
   EXPECT_TRUE(AllGivenBack());
 }
