@@ -139,7 +139,13 @@ TEST_F(SceneFileTest, ErrorsNameFilePlaceAndValue) {
   EXPECT_THAT(Error("[]"), HasSubstr("an object, not []"));
   EXPECT_THAT(Error(R"({"meshes": [{"file": "mesh.obj"}]})"),
               HasSubstr("cameras: there must be one"));
-  EXPECT_THAT(ErrorWith(R"("ligths": [])"), HasSubstr(R"(unknown key "ligths"; known: )"));
+  EXPECT_THAT(ErrorWith(R"("ligths": [])"),
+              HasSubstr(R"(unknown key "ligths"; known: built_in, )"));
+  EXPECT_THAT(ErrorWith(R"("built_in": 5)"), HasSubstr("built_in: a string, not 5"));
+  EXPECT_THAT(Error(Document(R"("meshes": [{"file": 5}])")),
+              HasSubstr("meshes[0].file: a string, not 5"));
+  EXPECT_THAT(Error(Document(R"("meshes": [{"file": "none.obj", "sacle": 2}])")),
+              HasSubstr("meshes[0]: unknown key \"sacle\""));
   EXPECT_THAT(ErrorWith(R"("exposure": 1, "exposure": 2)"), HasSubstr("\"exposure\" stands twice"));
   EXPECT_THAT(ErrorWith(R"("exposure": "high")"), HasSubstr(": exposure: a number, not \"high\""));
   EXPECT_THAT(ErrorWith(R"("lights": [{"type": "point", "position": [0, 0, 0], "intensity": 1},

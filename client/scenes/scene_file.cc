@@ -95,7 +95,9 @@ std::uint32_t MaterialIndex(const std::string& name, const char* key, JsonObject
   return 0;
 }
 
-absl::Status ReadMesh(JsonObject& json, const std::string& scene_path, LoadedScene& loaded) {
+/// `status` is that of `json`.
+absl::Status ReadMesh(JsonObject& json, const absl::Status& status, const std::string& scene_path,
+                      LoadedScene& loaded) {
   const std::string name = json.Text("file");
   MeshFileOptions options;
   options.normals = static_cast<Normals>(json.Choice("normals", {"file", "smooth", "flat"}, 0));
@@ -111,6 +113,7 @@ absl::Status ReadMesh(JsonObject& json, const std::string& scene_path, LoadedSce
   placement.sine = static_cast<float>(std::sin(angle));
   placement.translation = json.Vector("translate", Vec3{});
   json.RefuseOtherKeys();
+  if (!status.ok()) return status;  // before files are looked for by a name that was none
   const auto path = FindMeshFile(name, scene_path);
   if (!path.ok()) {
     return absl::Status(path.status().code(),
@@ -241,8 +244,9 @@ absl::StatusOr<LoadedScene> ParseSceneFile(std::string_view text, const std::str
   JsonObject root(*json, path, "", status);
   LoadedScene loaded{.scene = {}, .cameras = {}, .notes = {}};
   Scene& scene = loaded.scene;
-  if (root.Has("built_in")) {
-    auto base = MakeScene(root.Text("built_in"));
+  if (const std::string name = root.Text("built_in", ""); root.Has("built_in")) {
+    if (!status.ok()) return status;
+    auto base = MakeScene(name);
     if (!base.ok()) root.Fail("built_in", std::string(base.status().message()));
     if (!status.ok()) return status;
     scene = *std::move(base);
@@ -253,7 +257,7 @@ absl::StatusOr<LoadedScene> ParseSceneFile(std::string_view text, const std::str
   ReadNewMaterials(root, scene);
   for (JsonObject& mesh : root.Objects("meshes")) {
     if (!status.ok()) return status;
-    if (auto read = ReadMesh(mesh, path, loaded); !read.ok()) return read;
+    if (auto read = ReadMesh(mesh, status, path, loaded); !read.ok()) return read;
   }
   OverrideMaterials(root, scene);
   for (JsonObject& quad : root.Objects("quads")) ReadQuad(quad, scene);
