@@ -184,6 +184,36 @@ TEST_F(PhotonRendererTest, LobesSeeLampsThroughPanesOnce) {
   EXPECT_LT(error->relative_mse, 0.01);
 }
 
+// A floor under water: photons reach it through one boundary, the eye sees it through the same one.
+// Where paths forget that radiance is n^2 as large in water, the two differ by that.
+TEST_F(PhotonRendererTest, AgreesWithThePathTracerUnderWater) {
+  Scene scene = MakeLampOverFloor(5, 1);
+  scene.materials.push_back(
+      {.name = "water", .surface = Surface::kDielectric, .reflectance = {}, .ior = 1.33f});
+  AddQuad({-30, 0.1f, 30}, {30, 0.1f, 30}, {30, 0.1f, -30}, {-30, 0.1f, -30},
+          static_cast<std::uint32_t>(scene.materials.size() - 1), scene.mesh);
+  scene.camera = {.position = {0.4f, 0.7f, 0}, .target = {0.3f, 0, 0}, .vertical_fov_degrees = 60};
+  const Intersector intersector = MustIntersect(scene);
+  const auto reference = PathTrace(
+      intersector, {.width = kSide, .height = kSide, .samples_per_pixel = 3000, .seed = 1});
+  ASSERT_TRUE(reference.ok()) << reference.status();
+  const auto maps = MustUpload(intersector, 200'000);
+  ASSERT_TRUE(maps.caustic);
+  for (const std::uint32_t gather_rays : {0, 2}) {
+    const auto render =
+        MustRender(intersector, maps.refs(),
+                   {.width = kSide,
+                    .height = kSide,
+                    .camera = {.samples_per_pixel = 16, .final_gather_rays = gather_rays},
+                    .indirect = {.k = 0, .radius = 0.1f},
+                    .caustic = {.k = 0, .radius = 0.1f}});
+    const auto error = Compare(render.image, reference->image);
+    ASSERT_TRUE(error.ok());
+    EXPECT_NEAR(error->mean_ratio, 1, 0.03) << gather_rays;
+    EXPECT_LT(error->relative_mse, 0.02) << gather_rays;
+  }
+}
+
 // Lobes are lit by point lights through shadow rays, also behind a pane.
 TEST_F(PhotonRendererTest, AgreesWithThePathTracerOnPointLights) {
   Scene box = MakeMixedBox();

@@ -213,6 +213,25 @@ TEST(Scattering, TransmittanceAbsorbsWhatIsRefracted) {
   EXPECT_EQ(mean.absorbed, 0);
 }
 
+// Radiance is (n_from / n_to)^2 times as large on the side of the eye, power is as large on both.
+TEST(Scattering, RefractionScalesRadianceAlone) {
+  const Ray ray = Arriving(At(20));  // below the critical angle
+  const Hit outside = HitOn(kGlass);
+  Hit inside = outside;
+  inside.front = false;
+  const float n = kGlass.ior;
+  for (const auto& [hit, scale] : {std::pair{outside, 1 / (n * n)}, {inside, n * n}}) {
+    const auto radiance = SampleScattering(ray, hit, PathFrom::kCamera, 0.99f, 0);
+    const auto power = SampleScattering(ray, hit, PathFrom::kLight, 0.99f, 0);
+    const auto reflected = SampleScattering(ray, hit, PathFrom::kCamera, 0, 0);
+    ASSERT_TRUE(radiance && power && reflected);
+    EXPECT_LT(Dot(radiance->direction, hit.normal), 0);
+    EXPECT_FLOAT_EQ(radiance->radiance_scale, scale);
+    EXPECT_EQ(power->radiance_scale, 1);
+    EXPECT_EQ(reflected->radiance_scale, 1);
+  }
+}
+
 TEST(Pane, AClearOneReflectsWhatTheTextbookSays) {
   for (const float cosine : {1.0f, 0.6f, 0.05f}) {
     const Vec3 normal{0, 1, 0}, direction{std::sqrt(1 - cosine * cosine), -cosine, 0};

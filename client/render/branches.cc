@@ -34,7 +34,7 @@ void Branches::Scatter(const Branch& branch, const Hit& hit, RandomStream& rando
     if (split.refracted) {
       const float r = split.reflectance;
       return Split(branch, hit, random, split.reflected, {r, r, r}, *split.refracted,
-                   (1 - r) * material.transmittance, Event::kSpecular);
+                   ((1 - r) * split.radiance_scale) * material.transmittance, Event::kSpecular);
     }
   }
   if (material.surface == Surface::kPane) {
@@ -62,7 +62,8 @@ void Branches::ScatterOne(const Branch& branch, const Hit& hit, RandomStream& ra
   const auto scattering =
       SampleScattering(branch.ray, hit, PathFrom::kCamera, u, v, Lobes::kSpecular);
   if (!scattering) return;
-  Follow(branch, hit, scattering->direction, branch.weight * scattering->weight, scattering->event,
+  Follow(branch, hit, scattering->direction,
+         (scattering->radiance_scale * branch.weight) * scattering->weight, scattering->event,
          scattering->density);
 }
 

@@ -108,12 +108,13 @@ class CameraTask {
     Ray ray;
     Rgb weight = (1 / static_cast<float>(rays)) * branch.weight;
     const float begin_weight = MaxChannel(weight);
-    float travelled = 0;
+    float travelled = 0, radiance_scale = 1;
     std::uint32_t near_bounces = 0;
     bool focussed = false, reflected_by_pane = false;  // since the last diffuse surface
     for (std::uint32_t surface = 0; scattering && surface < kMaxGatherSurfaces; ++surface) {
-      weight = weight * scattering->weight;
-      const float survival = std::min(1.0f, MaxChannel(weight) / begin_weight);
+      radiance_scale *= scattering->radiance_scale;
+      weight = (scattering->radiance_scale * scattering->weight) * weight;
+      const float survival = std::min(1.0f, MaxChannel(weight) / (radiance_scale * begin_weight));
       if (surface > 0 && !(random.Uniform() < survival)) return;
       if (surface > 0) weight = (1 / survival) * weight;
       ray = LeaveSurface(hit, scattering->direction);

@@ -59,6 +59,7 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
   // Density [1 / sr] with which a surface chose the direction of `ray`; 0 after a camera, mirror or
   // glass. Panes let the ray go straight on: `travelled` is how far it came since that choice.
   float density = 0, travelled = 0;
+  float radiance_scale = 1;  // Scattering::radiance_scale of all surfaces, beside `throughput`
   for (std::uint32_t surface = 1;; ++surface) {
     ++sample.rays;
     const auto hit = intersector.Intersect(ray);
@@ -69,7 +70,7 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
     // Light that was hit, weighted against having sampled it.
     if (hit->front && MaxChannel(material.emission) > 0) {
       const float weight = BalanceWeight(density, lights.Density(*hit, ray.direction, travelled));
-      sample.radiance += weight * (throughput * material.emission);
+      sample.radiance += (radiance_scale * weight) * (throughput * material.emission);
     }
 
     // Light that is sampled, weighted against hitting it.
@@ -79,7 +80,8 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
       if (const auto light = SampleDirectLight(intersector, lights, *hit, u, v)) {
         const ScatterValue scattered = EvaluateScattering(ray, *hit, light->direction);
         const float weight = BalanceWeight(light->density, scattered.density);
-        sample.radiance += weight * (throughput * scattered.value * light->irradiance);
+        sample.radiance +=
+            (radiance_scale * weight) * (throughput * scattered.value * light->irradiance);
       }
     }
 
@@ -87,6 +89,7 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
     const auto scattering = SampleScattering(ray, *hit, PathFrom::kCamera, u, v);
     if (!scattering) return sample;
     throughput = throughput * scattering->weight;
+    radiance_scale *= scattering->radiance_scale;
     if (!(MaxChannel(throughput) > 0)) return sample;
     if (surface > kSurfacesBeforeRoulette) {
       const float survival = std::min(MaxChannel(throughput), kMaxSurvival);

@@ -30,6 +30,7 @@ DielectricSplit SplitAtDielectric(const Vec3& direction, const Vec3& normal, flo
   const float cos_in = std::clamp(-Dot(direction, normal), 0.0f, 1.0f);
   const float squared_sin_out = ior_ratio * ior_ratio * (1 - cos_in * cos_in);
   if (squared_sin_out >= 1) return split;
+  split.radiance_scale = ior_ratio * ior_ratio;
   const float cos_out = std::sqrt(1 - squared_sin_out);
   split.reflectance = FresnelReflectance(ior_ratio, cos_in, cos_out);
   split.refracted = Normalize(ior_ratio * direction + (ior_ratio * cos_in - cos_out) * normal);

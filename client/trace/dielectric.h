@@ -16,6 +16,10 @@ struct DielectricSplit {
   float reflectance = 1;  ///< R, the share of the power that is reflected; 1 - R is refracted
   Vec3 reflected;         ///< unit
   std::optional<Vec3> refracted;  ///< unit; nothing under total internal reflection
+  /// (n_from / n_to)^2: radiance on the side that the direction comes from, divided by that on the
+  /// other, where the boundary lets all through. Power is not scaled (Veach 1996, "Non-symmetric
+  /// Scattering in Light Transport Algorithms", section 4).
+  float radiance_scale = 1;
 };
 
 /// Fresnel's equations and Snell's law.

@@ -100,7 +100,11 @@ std::optional<Scattering> SampleDielectric(const Ray& ray, const Hit& hit, PathF
   const DielectricSplit split = SplitAtHit(ray, hit);
   if (u < split.reflectance || !split.refracted)
     return Bend(ray, hit, from, split.reflected, /*reflected=*/true, {1, 1, 1});
-  return Bend(ray, hit, from, *split.refracted, /*reflected=*/false, hit.material->transmittance);
+  const float scale = from == PathFrom::kCamera ? split.radiance_scale : 1;
+  auto scattering =
+      Bend(ray, hit, from, *split.refracted, /*reflected=*/false, hit.material->transmittance);
+  if (scattering) scattering->radiance_scale = scale;
+  return scattering;
 }
 
 std::optional<Scattering> SamplePane(const Ray& ray, const Hit& hit, float u) {

@@ -41,6 +41,9 @@ struct Scattering {
   Rgb weight;  ///< what the event lets through, divided by the probability of direction and event
   float shading = 1;  ///< kLight: what shading normals add to the weight, as a factor; at most
                       ///< kMaxShading
+  /// kCamera: what refraction adds to the weight, as a factor: (n_from / n_to)^2. It is not in the
+  /// weight, by which paths live on: they should not end sooner inside glass.
+  float radiance_scale = 1;
   Event event = Event::kDiffuse;
   /// With which `direction` is drawn, by whichever event, 1 / sr; 0: there is no other choice, as
   /// for mirror, glass and pane.
