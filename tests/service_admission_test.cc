@@ -228,6 +228,32 @@ TEST_F(ServiceAdmissionTest, ListsWithoutACapArePaidForByTheirLength) {
   EXPECT_TRUE(AllGivenBack());
 }
 
+TEST_F(ServiceAdmissionTest, ListsThatMightNotFitAreRefusedAndThoseThatAreHereAreHeld) {
+  options_.limits.max_neighbors = 1 << 20;
+  options_.memory_limit = 8 << 20;  // not a byte for anything else
+  StartGated();
+  const auto batch =
+      MakeBatch("cloud", MakePoints(500, 2), {.k = 0, .radius = 10, .outputs = kOutputNeighbors});
+  std::vector<v1::GatherResponse> parts;
+  const auto status = Stream(*stub_, {&batch, 1}, parts);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(ReadDetails(status).quota, "memory");
+  EXPECT_EQ(gate_->gathers, 0);
+
+  options_.memory_limit = 9 << 20;
+  StartGated();
+  grpc::ClientContext context;
+  const auto stream = stub_->GatherStream(&context);
+  ASSERT_TRUE(stream->Write(batch));
+  ASSERT_TRUE(Eventually([&] { return gate_->gathers == 1; }));
+  // Gathered and not read: what they are, no more what they might have been.
+  EXPECT_TRUE(Eventually([&] { return Info().memory_bytes_used() < 8u << 20; }));
+  EXPECT_GE(Info().memory_bytes_used(), 500 * 1000 * 8u);
+  context.TryCancel();
+  stream->Finish();
+  EXPECT_TRUE(AllGivenBack());
+}
+
 TEST_F(ServiceAdmissionTest, AStreamThatIsNotReadHoldsASliceOrTwo) {
   options_.limits.max_slice_bytes = 1 << 20;
   options_.limits.max_part_bytes = 1 << 18;
