@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "client/render/gather_radius.h"
 #include "client/render/map_upload.h"
 #include "client/render/path_tracer.h"
 #include "client/scenes/cornell.h"
@@ -495,6 +496,37 @@ TEST_F(PhotonRendererTest, FailuresAreTold) {
             absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(code({}, {.camera = {.final_gather_min_distance = NAN}}),
             absl::StatusCode::kInvalidArgument);
+}
+
+/// `count` photons on the x axis, `spacing` apart.
+TracedPhotons MakeLine(std::size_t count, float spacing) {
+  TracedPhotons line;
+  for (std::size_t i = 0; i < count; ++i) {
+    line.indirect.positions.insert(line.indirect.positions.end(),
+                                   {spacing * static_cast<float>(i), 0, 0});
+    line.indirect.powers.insert(line.indirect.powers.end(), {1, 1, 1});
+    line.indirect.directions.insert(line.indirect.directions.end(), {0, 0});
+  }
+  return line;
+}
+
+TEST_F(PhotonRendererTest, TheRadiusOfNearestIsAQuantileOverThePhotons) {
+  const auto radius = [&](const TracedPhotons& photons, std::uint32_t k, double quantile) {
+    const auto maps = UploadMaps(*client_, photons, {.name = "line"});
+    EXPECT_TRUE(maps.ok()) << maps.status();
+    const auto found =
+        RadiusOfNearest(*client_, *maps->refs().indirect, photons.indirect, k, quantile);
+    EXPECT_TRUE(found.ok()) << found.status();
+    return found.value_or(-1);
+  };
+  // A photon is the nearest to itself; those beside it are one spacing away, but for the two ends.
+  EXPECT_EQ(radius(MakeLine(100, 1), 3, 0.5), 1);
+  EXPECT_EQ(radius(MakeLine(100, 1), 3, 0.98), 1);
+  EXPECT_EQ(radius(MakeLine(100, 1), 3, 1), 2);
+  EXPECT_EQ(radius(MakeLine(100, 8), 3, 0.5), 8);  // follows the size of the scene
+  EXPECT_EQ(radius(MakeLine(100, 1), 21, 0.5), 10);
+  EXPECT_EQ(radius(MakeLine(5000, 1), 3, 0.95), 1);  // more than are asked for
+  EXPECT_GT(radius(MakeLine(10, 0), 3, 0.5), 0);     // all at one point
 }
 
 }  // namespace

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "client/photon_map_client.h"
 #include "client/progress.h"
 #include "client/render/features.h"
+#include "client/render/gather_radius.h"
 #include "client/render/image_file.h"
 #include "client/render/map_upload.h"
 #include "client/render/path_tracer.h"
@@ -78,9 +80,8 @@ absl::Status RenderReference(const Intersector& scene, const RenderChoice& choic
 
 absl::StatusOr<PhotonRenderedImage> GatherPicture(const Intersector& scene, PhotonMapClient& client,
                                                   const PhotonMaps& maps,
-                                                  const RenderChoice& choice,
+                                                  PhotonRenderOptions render,
                                                   const Viewer& viewer) {
-  PhotonRenderOptions render = choice.photon_options();
   Progress progress("render",
                     std::uint64_t{render.camera.samples_per_pixel} * render.width * render.height,
                     "samples");
@@ -106,6 +107,30 @@ absl::StatusOr<UploadedMaps> BuildMaps(PhotonMapClient& client, const TracedPhot
       {.name = choice.map_name.empty() ? SceneName(choice.scene.scene) : choice.map_name,
        .time_to_live = choice.keep_maps ? std::chrono::milliseconds(0) : kTimeToLive,
        .progress = [&](std::uint64_t sent) { progress.Update(sent); }});
+}
+
+/// The radii that were given, and for maps without one, one that follows the photons.
+absl::StatusOr<GatherRadii> ChooseRadii(PhotonMapClient& client, const TracedPhotons& photons,
+                                        const PhotonMaps& maps, const RenderChoice& choice) {
+  const PhotonRenderOptions defaults;
+  GatherRadii radii = choice.radii;
+  const auto choose = [&client](const std::optional<MapRef>& map, const Photons& set,
+                                std::uint32_t k, double quantile, std::optional<float>& radius) {
+    if (!map || radius) return absl::OkStatus();
+    k = static_cast<std::uint32_t>(std::min<std::size_t>(k, set.size()));
+    const auto chosen = RadiusOfNearest(client, *map, set, k, quantile);
+    if (chosen.ok()) radius = *chosen;
+    return chosen.status();
+  };
+  const auto k_or = [](std::uint32_t k, std::uint32_t otherwise) { return k > 0 ? k : otherwise; };
+  auto status =
+      choose(maps.indirect, photons.indirect, k_or(choice.render.indirect.k, defaults.indirect.k),
+             kIndirectRadiusQuantile, radii.indirect);
+  status.Update(choose(maps.caustic, photons.caustic,
+                       k_or(choice.render.caustic.k, defaults.caustic.k), kCausticRadiusQuantile,
+                       radii.caustic));
+  if (!status.ok()) return status;
+  return radii;
 }
 
 /// What the gathers of the picture did in the trees; a warning where the server does not tell.
@@ -146,19 +171,22 @@ absl::Status RenderByPhotons(const Intersector& scene, const RenderChoice& choic
   times.build_s = maps->seconds;
 
   const auto render_begin = Clock::now();
-  const auto render = GatherPicture(scene, client, maps->refs(), choice, viewer);
+  const auto radii = ChooseRadii(client, *photons, maps->refs(), choice);
+  const PhotonRenderOptions options = choice.photon_options(radii.value_or(GatherRadii{}));
+  const auto render =
+      radii.ok() ? GatherPicture(scene, client, maps->refs(), options, viewer) : radii.status();
   times.render_s = SecondsSince(render_begin);
   times.whole_s = SecondsSince(begin);
   const absl::Status finished = render.ok() ? viewer.finish(render->image) : render.status();
   MapTraversals traversals;
-  if (finished.ok()) traversals = SampleTraversals(client, maps->refs(), *render, choice.render);
+  if (finished.ok()) traversals = SampleTraversals(client, maps->refs(), *render, options);
   if (!choice.keep_maps) {
     const auto deleted = DeleteMaps(client, maps->refs());
     if (finished.ok() && !deleted.ok())
       Warn(fmt::format("the maps are not deleted: {}", std::string(deleted.message())));
   }
   if (!finished.ok()) return finished;
-  fmt::print("{}", FormatRender(*photons, *maps, *render, traversals, times));
+  fmt::print("{}", FormatRender(*photons, *maps, *radii, *render, traversals, times));
   return absl::OkStatus();
 }
 

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "client/commands/check.h"
+#include "client/render/gather_radius.h"
 #include "client/render/image_file.h"
 #include "fmt/format.h"
 
@@ -20,14 +21,19 @@ std::string CheckImagePath(const std::string& path) {
 }
 
 void AddEstimateOptions(CLI::App& command, const std::string& prefix, const std::string& what,
-                        EstimateOptions& estimate) {
+                        double radius_quantile, EstimateOptions& estimate,
+                        std::optional<float>& radius) {
   command
       .add_option("--" + prefix + "k", estimate.k,
                   "Photons at most in an estimate of " + what + "; 0: all within the radius")
       ->capture_default_str()
       ->check(CLI::Range(0u, kMaxNeighbors));
-  command.add_option("--" + prefix + "radius", estimate.radius, "Its largest radius, scene units")
-      ->capture_default_str()
+  command
+      .add_option(
+          "--" + prefix + "radius", radius,
+          fmt::format("Its largest radius, scene units (default: within which {:.0f} % of the "
+                      "photons of the map have their k nearest; with k 0, their {} nearest)",
+                      100 * radius_quantile, estimate.k))
       ->check(NumberIn(1e-6, 1e6));
   command
       .add_option_function<std::string>(
@@ -112,8 +118,10 @@ void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
                   "Photons of the caustic map, where there is something specular; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
-  AddEstimateOptions(command, "", "indirect light", choice.render.indirect);
-  AddEstimateOptions(command, "caustic-", "caustics", choice.render.caustic);
+  AddEstimateOptions(command, "", "indirect light", kIndirectRadiusQuantile, choice.render.indirect,
+                     choice.radii.indirect);
+  AddEstimateOptions(command, "caustic-", "caustics", kCausticRadiusQuantile, choice.render.caustic,
+                     choice.radii.caustic);
   command
       .add_option("--final-gather", choice.render.camera.final_gather_rays,
                   "Rays from each diffuse hit to look indirect light up where they end; 0: it is "
@@ -133,13 +141,17 @@ void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
 
 }  // namespace
 
-PhotonRenderOptions RenderChoice::photon_options() const {
+PhotonRenderOptions RenderChoice::photon_options(const GatherRadii& chosen) const {
   PhotonRenderOptions options = render;
   options.camera.samples_per_pixel = samples_per_pixel.value_or(options.camera.samples_per_pixel);
   options.camera.seed = seed;
-  // Where photons are gathered from, the estimate is blurred by its radius: corners need their
-  // light from further away.
-  options.camera.final_gather_min_distance = options.indirect.radius;
+  if (chosen.caustic) options.caustic.radius = *chosen.caustic;
+  if (chosen.indirect) {
+    options.indirect.radius = *chosen.indirect;
+    // Where photons are gathered from, the estimate is blurred by its radius: corners need their
+    // light from further away.
+    options.camera.final_gather_min_distance = options.indirect.radius;
+  }
   return options;
 }
 

@@ -20,12 +20,18 @@ inline constexpr std::chrono::hours kTimeToLive{24};
 /// Samples per pixel of a reference where nothing is said.
 inline constexpr std::uint32_t kReferenceSamples = 256;
 
+/// The largest radius of an estimate from each map, scene units; nothing where there is no map.
+struct GatherRadii {
+  std::optional<float> indirect{}, caustic{};
+};
+
 /// What the command line of `render` says.
 struct RenderChoice {
   SceneChoice scene;
   std::uint64_t photon_count = 1'000'000, caustic_photon_count = 200'000, seed = 1;
   std::optional<std::uint32_t> samples_per_pixel;
-  PhotonRenderOptions render;  ///< samples, seed and callbacks are set by the functions below
+  PhotonRenderOptions render;  ///< samples, seed, radii and callbacks are set by others
+  GatherRadii radii;           ///< nothing: they follow the photons (RadiusOfNearest)
   std::string map_name;        ///< empty: the scene's name
   bool keep_maps = false;
 
@@ -40,7 +46,8 @@ struct RenderChoice {
   double preview_interval_s = 2;
   std::string compare_path;  ///< empty: no comparison
 
-  PhotonRenderOptions photon_options() const;  ///< for RenderPhotonMaps
+  /// For RenderPhotonMaps, with the radii that were given or chosen.
+  PhotonRenderOptions photon_options(const GatherRadii& chosen) const;
   PathTraceOptions reference_options() const;  ///< for PathTrace
 };
 

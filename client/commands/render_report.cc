@@ -28,7 +28,7 @@ std::string Mean(const std::optional<TraversalCost>& traversal, double Traversal
   return traversal ? fmt::format("{:.1f}", *traversal.*count) : "-";
 }
 
-Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
+Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps, const GatherRadii& radii,
                const PhotonRenderedImage& render, const MapTraversals& traversals,
                double render_s) {
   Table table{.head = {"", "indirect map", "caustic map"}, .rows = {}};
@@ -49,6 +49,11 @@ Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps,
   row("receive and build", total(maps.indirect), total(maps.caustic));
   const GatherCost &a = render.indirect, &b = render.caustic;
   row("gathers", fmt::to_string(a.queries), fmt::to_string(b.queries));
+  const auto radius = [](const std::optional<float>& value, bool has_map) {
+    return value && has_map ? fmt::format("{:.3g}", *value) : "-";
+  };
+  row("gathers: largest radius, scene units", radius(radii.indirect, maps.indirect.has_value()),
+      radius(radii.caustic, maps.caustic.has_value()));
   row("gathers: messages", fmt::to_string(a.messages), fmt::to_string(b.messages));
   row("gathers: kernels", FormatMicroseconds(a.kernel_us), FormatMicroseconds(b.kernel_us));
   row("gathers: to the device and back", FormatMicroseconds(a.transfer_us),
@@ -82,13 +87,13 @@ std::string FormatEnergy(const TracedPhotons& photons) {
 }
 
 std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
-                         const PhotonRenderedImage& render, const MapTraversals& traversals,
-                         const RenderTimes& times) {
+                         const GatherRadii& radii, const PhotonRenderedImage& render,
+                         const MapTraversals& traversals, const RenderTimes& times) {
   const auto mega = [](std::uint64_t rays, double seconds) {
     return seconds > 0 ? static_cast<double>(rays) / seconds / 1e6 : 0;
   };
   const double shorter = std::min(render.camera_s, render.device_s());
-  return Format(MapTable(photons, maps, render, traversals, times.render_s)) +
+  return Format(MapTable(photons, maps, radii, render, traversals, times.render_s)) +
          FormatEnergy(photons) +
          fmt::format(
              "time: photons {:.2f} s ({:.1f} Mrays/s), upload and build {:.2f} s, picture {:.2f} "

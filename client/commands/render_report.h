@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "client/commands/render_options.h"
 #include "client/render/image.h"
 #include "client/render/map_upload.h"
 #include "client/render/photon_renderer.h"
@@ -22,10 +23,10 @@ struct MapTraversals {
 };
 
 /// What a render cost, as lines: a table with a column for each map (photons, stages of the build,
-/// gathers), where the light went, and times.
+/// gathers and their largest radius), where the light went, and times.
 std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,
-                         const PhotonRenderedImage& render, const MapTraversals& traversals,
-                         const RenderTimes& times);
+                         const GatherRadii& radii, const PhotonRenderedImage& render,
+                         const MapTraversals& traversals, const RenderTimes& times);
 
 /// Where the light of a scene went, as one line.
 std::string FormatEnergy(const TracedPhotons& photons);

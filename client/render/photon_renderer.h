@@ -20,8 +20,9 @@ namespace treelight::client {
 struct PhotonRenderOptions {
   int width = 512, height = 512;  ///< pixels, > 0
   CameraPassOptions camera{};
-  EstimateOptions indirect{.k = 100, .radius = 0.1f};
-  EstimateOptions caustic{.k = 60, .radius = 0.05f};  ///< smaller: caustics have sharp edges
+  /// Radii that suit a scene of about 2 units; for others RadiusOfNearest finds one. That of
+  /// caustics is smaller: they have sharp edges.
+  EstimateOptions indirect{.k = 100, .radius = 0.1f}, caustic{.k = 60, .radius = 0.05f};
   /// Called now and then with the samples done, of width * height * samples_per_pixel, on the
   /// calling thread.
   std::function<void(std::uint64_t samples)> progress{};
