@@ -17,7 +17,7 @@ std::size_t RoundUp(std::size_t bytes) {
 }  // namespace
 
 std::shared_ptr<const cl::Buffer> BufferPool::Take(std::size_t bytes) {
-  const std::size_t size = RoundUp(bytes);
+  std::size_t size = RoundUp(bytes);
   std::unique_ptr<const cl::Buffer> buffer;
   {
     const std::lock_guard lock(mutex_);
@@ -35,7 +35,8 @@ std::shared_ptr<const cl::Buffer> BufferPool::Take(std::size_t bytes) {
       const std::lock_guard lock(mutex_);
       kept_.clear();
       kept_bytes_ = 0;
-      buffer = std::make_unique<cl::Buffer>(context_, CL_MEM_READ_WRITE, bytes);
+      size = bytes;
+      buffer = std::make_unique<cl::Buffer>(context_, CL_MEM_READ_WRITE, size);
     }
   }
   const cl::Buffer* const raw = buffer.release();
