@@ -1,7 +1,10 @@
 #include "client/ply_header.h"
 
 #include <algorithm>
+#include <bit>
 #include <charconv>
+#include <cstdint>
+#include <cstring>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -10,7 +13,17 @@
 namespace treelight::client {
 namespace {
 
+static_assert(std::endian::native == std::endian::little,
+              "binary PLY is read without swapping bytes");
+
 constexpr std::size_t kMaxHeaderLine = 4096;  // bytes
+
+template <typename T>
+double Load(const char* bytes) {
+  T value;
+  std::memcpy(&value, bytes, sizeof(T));
+  return static_cast<double>(value);
+}
 
 std::optional<PlyType> ParseType(std::string_view word) {
   static constexpr std::pair<std::string_view, PlyType> kNames[] = {
@@ -96,6 +109,28 @@ std::size_t PlyTypeSize(PlyType type) {
       return 4;
     case PlyType::kFloat64:
       return 8;
+  }
+  return 0;
+}
+
+double LoadPlyNumber(PlyType type, const char* bytes) {
+  switch (type) {
+    case PlyType::kInt8:
+      return Load<std::int8_t>(bytes);
+    case PlyType::kUint8:
+      return Load<std::uint8_t>(bytes);
+    case PlyType::kInt16:
+      return Load<std::int16_t>(bytes);
+    case PlyType::kUint16:
+      return Load<std::uint16_t>(bytes);
+    case PlyType::kInt32:
+      return Load<std::int32_t>(bytes);
+    case PlyType::kUint32:
+      return Load<std::uint32_t>(bytes);
+    case PlyType::kFloat32:
+      return Load<float>(bytes);
+    case PlyType::kFloat64:
+      return Load<double>(bytes);
   }
   return 0;
 }

@@ -19,6 +19,9 @@ enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, 
 /// Size of a number in a binary file, bytes.
 std::size_t PlyTypeSize(PlyType type);
 
+/// The number of `type` that a binary file holds in the PlyTypeSize(type) bytes at `bytes`.
+double LoadPlyNumber(PlyType type, const char* bytes);
+
 /// One `property` line: a number or a list of numbers in every entry of an element.
 struct PlyProperty {
   std::string name;                  ///< as in the file

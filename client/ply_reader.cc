@@ -1,11 +1,9 @@
 #include "client/ply_reader.h"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cerrno>
 #include <charconv>
-#include <cstring>
 #include <filesystem>
 #include <optional>
 #include <system_error>
@@ -15,40 +13,8 @@
 namespace treelight::client {
 namespace {
 
-static_assert(std::endian::native == std::endian::little,
-              "binary PLY is read without swapping bytes");
-
 constexpr std::size_t kBufferSize = std::size_t{1} << 20;    // bytes
 constexpr std::size_t kMaxAsciiLine = std::size_t{1} << 20;  // bytes
-
-template <typename T>
-double Load(const char* bytes) {
-  T value;
-  std::memcpy(&value, bytes, sizeof(T));
-  return static_cast<double>(value);
-}
-
-double LoadNumber(PlyType type, const char* bytes) {
-  switch (type) {
-    case PlyType::kInt8:
-      return Load<std::int8_t>(bytes);
-    case PlyType::kUint8:
-      return Load<std::uint8_t>(bytes);
-    case PlyType::kInt16:
-      return Load<std::int16_t>(bytes);
-    case PlyType::kUint16:
-      return Load<std::uint16_t>(bytes);
-    case PlyType::kInt32:
-      return Load<std::int32_t>(bytes);
-    case PlyType::kUint32:
-      return Load<std::uint32_t>(bytes);
-    case PlyType::kFloat32:
-      return Load<float>(bytes);
-    case PlyType::kFloat64:
-      return Load<double>(bytes);
-  }
-  return 0;
-}
 
 std::optional<double> ParseNumber(std::string_view word) {
   double value = 0;
@@ -153,7 +119,7 @@ absl::Status PlyReader::ReadBinaryRow(const PlyElement& element, std::span<const
     const PlyType type = property.list_count_type.value_or(property.type);
     const char* bytes = Take(PlyTypeSize(type));
     if (bytes == nullptr) return Truncated(element);
-    const double number = LoadNumber(type, bytes);
+    const double number = LoadPlyNumber(type, bytes);
     if (!property.list_count_type) {
       if (slots[i] >= 0) values[slots[i]] = number;
       continue;

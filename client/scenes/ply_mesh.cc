@@ -4,7 +4,6 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <optional>
 #include <sstream>
@@ -23,35 +22,6 @@ constexpr std::size_t kMaxHeader = 1 << 16;  // bytes
 constexpr std::array<std::string_view, 6> kVertexNames = {"x", "y", "z", "nx", "ny", "nz"};
 
 absl::Status Invalid(const std::string& message) { return absl::InvalidArgumentError(message); }
-
-template <typename T>
-double Load(const char* bytes) {
-  T value;
-  std::memcpy(&value, bytes, sizeof(T));
-  return static_cast<double>(value);
-}
-
-double LoadNumber(PlyType type, const char* bytes) {
-  switch (type) {
-    case PlyType::kInt8:
-      return Load<std::int8_t>(bytes);
-    case PlyType::kUint8:
-      return Load<std::uint8_t>(bytes);
-    case PlyType::kInt16:
-      return Load<std::int16_t>(bytes);
-    case PlyType::kUint16:
-      return Load<std::uint16_t>(bytes);
-    case PlyType::kInt32:
-      return Load<std::int32_t>(bytes);
-    case PlyType::kUint32:
-      return Load<std::uint32_t>(bytes);
-    case PlyType::kFloat32:
-      return Load<float>(bytes);
-    case PlyType::kFloat64:
-      return Load<double>(bytes);
-  }
-  return 0;
-}
 
 /// The numbers behind the header, one after the other.
 class Numbers {
@@ -81,7 +51,7 @@ class Numbers {
       const std::size_t size = PlyTypeSize(type);
       if (bytes_.size() - at_ < size) return std::nullopt;
       at_ += size;
-      return LoadNumber(type, bytes_.data() + at_ - size);
+      return LoadPlyNumber(type, bytes_.data() + at_ - size);
     }
     row_ = SkipBlanks(row_);
     double value = 0;

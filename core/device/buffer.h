@@ -41,6 +41,13 @@ class Buffer {
   }
   std::vector<T> Read(const cl::CommandQueue& queue) const { return Read(queue, size_); }
 
+  /// The element `index`; waits for `queue`.
+  T ReadAt(const cl::CommandQueue& queue, std::size_t index) const {
+    T value;
+    queue.enqueueReadBuffer(*memory_, CL_TRUE, index * sizeof(T), sizeof(T), &value);
+    return value;
+  }
+
   /// Sets every element to `value`; does not wait.
   void Fill(const cl::CommandQueue& queue, T value) const {
     if (size_ > 0) queue.enqueueFillBuffer(*memory_, value, 0, bytes());

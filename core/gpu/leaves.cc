@@ -11,9 +11,7 @@ Leaves FindLeaves(const Gpu& gpu, const Buffer<cl_uchar>& levels, std::size_t co
   Launch(gpu, gpu.stages, "leaf_flags", count + 1, kGroupSize, levels.get(), n, max_leaf_size,
          places.get());
   ExclusiveScan(gpu, places, count + 1);
-  cl_uint leaf_count = 0;
-  gpu.queue().enqueueReadBuffer(places.get(), CL_TRUE, count * sizeof leaf_count, sizeof leaf_count,
-                                &leaf_count);
+  const cl_uint leaf_count = places.ReadAt(gpu.queue(), count);
   Leaves leaves{leaf_count, Buffer<cl_uint>(gpu.memory(), leaf_count + std::size_t{1})};
   Launch(gpu, gpu.stages, "leaf_firsts", count + 1, kGroupSize, places.get(), n,
          leaves.firsts.get());

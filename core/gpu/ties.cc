@@ -20,12 +20,6 @@ struct TiedRuns {
   Buffer<cl_uint> boxes;       // [6 * run_count] ordered bits
 };
 
-cl_uint ReadOne(const Gpu& gpu, const Buffer<cl_uint>& buffer, std::size_t index) {
-  cl_uint value = 0;
-  gpu.queue().enqueueReadBuffer(buffer.get(), CL_TRUE, index * sizeof value, sizeof value, &value);
-  return value;
-}
-
 TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
                       std::uint32_t max_leaf_size, const Buffer<cl_uint>& ids,
                       const Buffer<cl_uchar>& levels) {
@@ -35,17 +29,17 @@ TiedRuns FindTiedRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_
   any.Fill(gpu.queue(), 0);
   Launch(gpu, gpu.stages, "tie_flags", count + 1, kGroupSize, levels.get(), n, max_leaf_size,
          places.get(), any.get());
-  if (ReadOne(gpu, any, 0) == 0) return tied;
+  if (any.ReadAt(gpu.queue(), 0) == 0) return tied;
 
   // List the photons and number their runs.
   ExclusiveScan(gpu, places, count + 1);
-  tied.count = ReadOne(gpu, places, count);
+  tied.count = places.ReadAt(gpu.queue(), count);
   tied.slots = Buffer<cl_uint>(gpu.memory(), tied.count);
   tied.runs = Buffer<cl_uint>(gpu.memory(), tied.count + 1);
   Launch(gpu, gpu.stages, "tie_slots", count, kGroupSize, levels.get(), n, places.get(),
          tied.slots.get(), tied.runs.get());
   ExclusiveScan(gpu, tied.runs, tied.count + 1);
-  tied.run_count = ReadOne(gpu, tied.runs, tied.count);
+  tied.run_count = tied.runs.ReadAt(gpu.queue(), tied.count);
 
   // Compute the box of each run.
   const auto m = static_cast<cl_uint>(tied.count);
@@ -97,7 +91,7 @@ bool SplitShortRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_t 
   Launch(gpu, gpu.sub_group_stages, "tie_short_runs", count, kSubGroupSize * kSubGroupsPerGroup,
          positions.get(), static_cast<cl_uint>(count), max_leaf_size, cl_uint{base}, ids.get(),
          levels.get(), rest.get());
-  return ReadOne(gpu, rest, 0) != 0;
+  return rest.ReadAt(gpu.queue(), 0) != 0;
 }
 
 }  // namespace
