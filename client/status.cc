@@ -25,8 +25,8 @@ absl::Status ToAbslStatus(const grpc::Status& status) {
   }
   const auto delay = RetryDelay(plain);
   if (!delay) return plain;
-  absl::Status told(
-      code, fmt::format("{} (the server expects room in {} ms)", status.error_message(), delay->count()));
+  absl::Status told(code, fmt::format("{} (the server expects room in {} ms)",
+                                      status.error_message(), delay->count()));
   plain.ForEachPayload(
       [&](absl::string_view url, const absl::Cord& payload) { told.SetPayload(url, payload); });
   return told;
