@@ -32,35 +32,6 @@ std::uint32_t LargestTreelet(BuilderKind builder) {
   }
 }
 
-absl::Status CheckOptions(const BuildOptions& options) {
-  if (auto status = CheckRange("max_leaf_size", options.max_leaf_size, 1, kMaxLeafSize);
-      !status.ok()) {
-    return status;
-  }
-  if (options.morton_bits != MortonBits::k30 && options.morton_bits != MortonBits::k63) {
-    return absl::InvalidArgumentError(fmt::format("morton_bits is {}, it must be 30 or 63",
-                                                  static_cast<std::uint32_t>(options.morton_bits)));
-  }
-  const bool has_treelets = options.builder == BuilderKind::kTreelet ||
-                            options.builder == BuilderKind::kTrbvh ||
-                            options.builder == BuilderKind::kAtrbvh;
-  if (has_treelets) {
-    for (const absl::Status& status :
-         {CheckRange("treelet_size", options.treelet_size, 3, LargestTreelet(options.builder)),
-          CheckRange("rounds", options.rounds, 1, kMaxRounds)}) {
-      if (!status.ok()) return status;
-    }
-  }
-  if (!(options.radius >= 0 && options.radius <= kMaxCoordinate)) {  // also catches NaN
-    return absl::InvalidArgumentError(
-        fmt::format("radius is {}, it must be in [0, {:g}]", options.radius, kMaxCoordinate));
-  }
-  if (options.builder == BuilderKind::kHybrid) {
-    return CheckRange("subtree_size", options.subtree_size, options.max_leaf_size, kMaxSubtreeSize);
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 std::string BuilderName(const BuildOptions& options) {
@@ -80,11 +51,65 @@ std::string BuilderName(const BuildOptions& options) {
     case BuilderKind::kSlidingMidpoint:
       return "sliding_midpoint";
     case BuilderKind::kSweep:
-      return options.heuristic == Heuristic::kSah   ? "sah"
-             : options.heuristic == Heuristic::kIsa ? "isa"
-                                                    : "vvh";
+      return HeuristicName(options.heuristic);
+    case BuilderKind::kKarras:
+      return "karras";
   }
   return "unknown";
+}
+
+std::string HeuristicName(Heuristic heuristic) {
+  switch (heuristic) {
+    case Heuristic::kSah:
+      return "sah";
+    case Heuristic::kIsa:
+      return "isa";
+    case Heuristic::kVvh:
+      return "vvh";
+  }
+  return "unknown";
+}
+
+TreeKind KindOfTree(BuilderKind builder) {
+  const bool overlaps = builder == BuilderKind::kTrbvh || builder == BuilderKind::kAtrbvh ||
+                        builder == BuilderKind::kKarras;
+  return overlaps ? TreeKind::kBvh : TreeKind::kKdTree;
+}
+
+bool ReadsTreelets(BuilderKind builder) {
+  return builder == BuilderKind::kTreelet || builder == BuilderKind::kTrbvh ||
+         builder == BuilderKind::kAtrbvh;
+}
+
+bool ReadsHeuristic(BuilderKind builder) {
+  return ReadsTreelets(builder) || builder == BuilderKind::kHybrid ||
+         builder == BuilderKind::kSweep;
+}
+
+absl::Status CheckBuildOptions(const BuildOptions& options) {
+  if (auto status = CheckRange("max_leaf_size", options.max_leaf_size, 1, kMaxLeafSize);
+      !status.ok()) {
+    return status;
+  }
+  if (options.morton_bits != MortonBits::k30 && options.morton_bits != MortonBits::k63) {
+    return absl::InvalidArgumentError(fmt::format("morton_bits is {}, it must be 30 or 63",
+                                                  static_cast<std::uint32_t>(options.morton_bits)));
+  }
+  if (ReadsTreelets(options.builder)) {
+    for (const absl::Status& status :
+         {CheckRange("treelet_size", options.treelet_size, 3, LargestTreelet(options.builder)),
+          CheckRange("rounds", options.rounds, 1, kMaxRounds)}) {
+      if (!status.ok()) return status;
+    }
+  }
+  if (!(options.radius >= 0 && options.radius <= kMaxCoordinate)) {  // also catches NaN
+    return absl::InvalidArgumentError(
+        fmt::format("radius is {}, it must be in [0, {:g}]", options.radius, kMaxCoordinate));
+  }
+  if (options.builder == BuilderKind::kHybrid) {
+    return CheckRange("subtree_size", options.subtree_size, options.max_leaf_size, kMaxSubtreeSize);
+  }
+  return absl::OkStatus();
 }
 
 absl::Status CheckBuild(const Photons& photons, const BuildOptions& options) {
@@ -114,7 +139,7 @@ absl::Status CheckBuild(const Photons& photons, const BuildOptions& options) {
           "powers[{}] of photon {} is {}, it must be finite", i, i / 3, photons.powers[i]));
     }
   }
-  return CheckOptions(options);
+  return CheckBuildOptions(options);
 }
 
 }  // namespace treelight

@@ -22,6 +22,8 @@ enum class BuilderKind {
   kBalanced,  ///< top-down: median of the widest axis
   kSlidingMidpoint,  ///< top-down: middle of the cell (Maneewongvatana and Mount 1999)
   kSweep,  ///< top-down: the cut of least cost by the heuristic: `sah`, `isa` and `vvh` of the docs
+  kKarras,  ///< Karras 2012 as he has it: a grid with as many cells along each axis, runs of equal
+            ///< codes split by place, so that siblings may overlap; what the study measures against
 };
 
 /// Bits of the Morton codes: 10 or 21 per axis.
@@ -36,7 +38,8 @@ struct BuildOptions {
   std::uint32_t treelet_size = 7;  ///< leaves of a treelet: treelet [3, 16], trbvh [3, 9], atrbvh
                                    ///< [3, 32]
   std::uint32_t rounds = 3;        ///< of restructuring, [1, 8]
-  float radius = 0;  ///< gather radius that isa and vvh expect, scene units, finite; 0: sampled
+  float radius = 0;  ///< gather radius that isa and vvh expect, and that BuildReport::isa_cost is
+                     ///< told for, scene units, finite; 0: sampled by builders that need one
   std::uint32_t subtree_size = 256;  ///< T, photons of a subtree that hybrid rebuilds, [B, 4096]
   std::uint32_t seed = 0;            ///< of the photons that the radius is sampled at
 };
@@ -67,8 +70,21 @@ class Builder {
 };
 
 /// The name of a tree of these options: "lbvh", "treelet", "hybrid", "trbvh", "atrbvh", "balanced",
-/// "sliding_midpoint"; of kSweep the heuristic's: "sah", "isa", "vvh".
+/// "sliding_midpoint", "karras"; of kSweep the heuristic's: "sah", "isa", "vvh".
 std::string BuilderName(const BuildOptions& options);
+
+/// The name of a heuristic: "sah", "isa", "vvh".
+std::string HeuristicName(Heuristic heuristic);
+
+/// Whether siblings of its trees may overlap.
+TreeKind KindOfTree(BuilderKind builder);
+
+/// Whether a builder reads BuildOptions::heuristic, and treelet_size and rounds.
+bool ReadsHeuristic(BuilderKind builder);
+bool ReadsTreelets(BuilderKind builder);
+
+/// The part of CheckBuild that needs no photons.
+absl::Status CheckBuildOptions(const BuildOptions& options);
 
 /// The checks that every Builder makes before it works; see Builder::Build.
 absl::Status CheckBuild(const Photons& photons, const BuildOptions& options);

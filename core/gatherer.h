@@ -93,6 +93,10 @@ struct BuildReport {
   std::uint64_t device_bytes = 0;  ///< held while the map lives
   std::vector<StageTime> stages;   ///< in the order in which they ran
   TreeStatistics tree;             ///< zeros for brute force
+  /// Gather radius of the options, else the one that was sampled, scene units; 0: neither.
+  float radius = 0;
+  /// HeuristicCost of the tree by kIsa at `radius`; 0 where that is 0.
+  double isa_cost = 0;
 };
 
 /// A photon map that answers gathers. Immutable; safe to call from several threads at once.
@@ -111,6 +115,10 @@ class Gatherer {
 
   /// Copies the tree to the host, for validation and statistics. UNIMPLEMENTED where there is none.
   virtual absl::StatusOr<Tree> ReadTree() const = 0;
+
+  /// Copies the photons to the host, in the order of upload, to build another map from. Blocks. As
+  /// they were uploaded, but for coordinates of -0, which may come back as +0.
+  virtual absl::StatusOr<Photons> ReadPhotons() const = 0;
 
   virtual std::size_t photon_count() const = 0;
   virtual bool has_powers() const = 0;

@@ -34,8 +34,9 @@ TEST_P(EveryTreeKind, KeepsTheInvariantsOnEveryCloud) {
         const absl::Status status = ValidateTree(tree, photons);
         ASSERT_TRUE(status.ok()) << status;
         EXPECT_EQ(tree.max_leaf_size, max_leaf_size);
-        const bool overlaps =
-            options.builder == BuilderKind::kTrbvh || options.builder == BuilderKind::kAtrbvh;
+        const bool overlaps = options.builder == BuilderKind::kTrbvh ||
+                              options.builder == BuilderKind::kAtrbvh ||
+                              options.builder == BuilderKind::kKarras;
         EXPECT_EQ(tree.kind, overlaps ? TreeKind::kBvh : TreeKind::kKdTree);
         const TreeStatistics statistics = ComputeStatistics(tree);
         ASSERT_EQ(tree.root.depth, statistics.depth);
@@ -130,7 +131,20 @@ TEST_P(EveryTreeKind, ReportsItself) {
   const TreeStatistics plain = ComputeStatistics(*map->ReadTree());
   EXPECT_EQ(map->report().tree.leaf_count, plain.leaf_count);
   EXPECT_EQ(map->report().tree.sah_cost, plain.sah_cost);
+  const float radius = map->report().radius;
+  EXPECT_EQ(map->report().isa_cost,
+            radius > 0 ? HeuristicCost(*map->ReadTree(), Heuristic::kIsa, radius) : 0);
   EXPECT_GE(plain.leaf_count, 1009u / 8);
+}
+
+TEST_P(EveryTreeKind, ReportsTheCostAtTheRadiusOfItsOptions) {
+  const Photons photons = MakeCloud(CloudNamed("surfaces"), 1009, /*seed=*/7);
+  BuildOptions options = GetParam().options;
+  options.radius = 0.125f;
+  const auto map = BuildMap(photons, options);
+  EXPECT_EQ(map->report().radius, 0.125f);
+  EXPECT_EQ(map->report().isa_cost, HeuristicCost(*map->ReadTree(), Heuristic::kIsa, 0.125f));
+  EXPECT_GT(map->report().isa_cost, map->report().tree.sah_cost);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryTreeKind, testing::ValuesIn(AllTreeKinds()),

@@ -46,6 +46,7 @@ class GatedGatherer : public Gatherer {
     return map_->Gather(queries, options, cancelled);
   }
   absl::StatusOr<Tree> ReadTree() const override { return map_->ReadTree(); }
+  absl::StatusOr<Photons> ReadPhotons() const override { return map_->ReadPhotons(); }
   std::size_t photon_count() const override { return map_->photon_count(); }
   bool has_powers() const override { return map_->has_powers(); }
   bool has_directions() const override { return map_->has_directions(); }

@@ -126,6 +126,23 @@ std::vector<std::string> CloudNames() {
 INSTANTIATE_TEST_SUITE_P(Clouds, EveryCloud, testing::ValuesIn(CloudNames()),
                          [](const auto& test) { return test.param; });
 
+TEST(GathererTest, PhotonsComeBackInTheOrderOfUpload) {
+  for (const std::size_t size : {0, 1, 1009}) {
+    const Photons photons = MakeCloud(CloudNamed("surfaces"), size, /*seed=*/7);
+    const auto map = TestBuilder().Build(photons, {});
+    ASSERT_TRUE(map.ok()) << map.status();
+    const auto back = (*map)->ReadPhotons();
+    ASSERT_TRUE(back.ok()) << back.status();
+    EXPECT_EQ(back->positions, photons.positions);
+    EXPECT_EQ(back->powers, photons.powers);
+    EXPECT_EQ(back->directions, photons.directions);
+  }
+  const auto bare =
+      TestBuilder().Build({.positions = {1, 2, 3}, .powers = {}, .directions = {}}, {});
+  EXPECT_EQ((*bare)->ReadPhotons()->positions, (std::vector<float>{1, 2, 3}));
+  EXPECT_TRUE((*bare)->ReadPhotons()->powers.empty());
+}
+
 TEST(GathererTest, ManyQueriesInOneBatch) {
   // Sorted on the device, and more than one launch.
   const Photons photons = MakeCloud(CloudNamed("surfaces"), 3001, /*seed=*/7);

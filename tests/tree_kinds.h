@@ -42,6 +42,7 @@ inline std::vector<TreeKindOptions> AllTreeKinds() {
       {"vvh", {.builder = K::kSweep, .heuristic = H::kVvh}},
       {"isa_linear", {.builder = K::kSweep, .leaf_term = none}},
       {"isa", {.builder = K::kSweep}},
+      {"karras", {.builder = K::kKarras}},
   };
   for (TreeKindOptions& kind : kinds) kind.options.max_leaf_size = 8;
   return kinds;

@@ -51,6 +51,7 @@ class BruteForce : public Gatherer {
   absl::StatusOr<Tree> ReadTree() const override {
     return absl::UnimplementedError("brute force has no tree");
   }
+  absl::StatusOr<Photons> ReadPhotons() const override { return photons_; }
   std::size_t photon_count() const override { return photons_.size(); }
   bool has_powers() const override { return !photons_.powers.empty(); }
   bool has_directions() const override { return !photons_.directions.empty(); }

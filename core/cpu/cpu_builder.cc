@@ -69,10 +69,7 @@ Box BoundsOf(const Positions& positions) {
 }
 
 bool NeedsRadius(const BuildOptions& options) {
-  const bool has_heuristic = options.builder != BuilderKind::kLbvh &&
-                             options.builder != BuilderKind::kBalanced &&
-                             options.builder != BuilderKind::kSlidingMidpoint;
-  return has_heuristic && options.heuristic != Heuristic::kSah;
+  return ReadsHeuristic(options.builder) && options.heuristic != Heuristic::kSah;
 }
 
 class CpuBuilder : public Builder {
@@ -101,6 +98,8 @@ class CpuBuilder : public Builder {
     if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
     Tree tree = BuildCpuTree(photons.positions, options, radius);
     mark("tree");
+    report.radius = radius;
+    if (radius > 0) report.isa_cost = HeuristicCost(tree, Heuristic::kIsa, radius);
     return MakeTreeGatherer(photons, std::move(tree), std::move(report));
   }
 };
@@ -113,8 +112,6 @@ std::uint32_t TreeletInputLeafSize(const BuildOptions& options) {
 }
 
 Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius) {
-  const bool overlaps =
-      options.builder == BuilderKind::kTrbvh || options.builder == BuilderKind::kAtrbvh;
   const auto build = [&]() -> LooseTree {
     if (positions.empty()) return {};
     const Measure measure(options.heuristic, BoundsOf(positions), radius);
@@ -134,10 +131,13 @@ Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& optio
         return BuildSlidingMidpoint(positions, options);
       case BuilderKind::kSweep:
         return BuildSweep(positions, options, measure);
+      case BuilderKind::kKarras:
+        return BuildLbvh(positions, options.morton_bits, MortonLayout::kPerAxis,
+                         options.max_leaf_size);
     }
     return {};
   };
-  return Arrange(build(), overlaps ? TreeKind::kBvh : TreeKind::kKdTree, options.max_leaf_size);
+  return Arrange(build(), KindOfTree(options.builder), options.max_leaf_size);
 }
 
 std::unique_ptr<Builder> MakeCpuBuilder() { return std::make_unique<CpuBuilder>(); }

@@ -35,6 +35,7 @@ class TreeGatherer : public Gatherer {
   }
 
   absl::StatusOr<Tree> ReadTree() const override { return tree_; }
+  absl::StatusOr<Photons> ReadPhotons() const override { return photons_; }
   std::size_t photon_count() const override { return photons_.size(); }
   bool has_powers() const override { return !photons_.powers.empty(); }
   bool has_directions() const override { return !photons_.directions.empty(); }

@@ -42,6 +42,16 @@ struct NeighborLists {
   std::vector<float> squared_distances;
 };
 
+/// Positions [3n] in the order of ids.
+std::vector<float> PositionsById(const std::vector<LeafPhoton>& photons) {
+  std::vector<float> positions(3 * photons.size());
+  for (const LeafPhoton& photon : photons) {
+    float* const p = &positions[3 * std::size_t{photon.id}];
+    p[0] = photon.x, p[1] = photon.y, p[2] = photon.z;
+  }
+  return positions;
+}
+
 class GpuGatherer : public Gatherer {
  public:
   explicit GpuGatherer(DeviceMap map) : map_(std::move(map)) {}
@@ -65,6 +75,16 @@ class GpuGatherer : public Gatherer {
                   .nodes = map_.tree.nodes.Read(queue),
                   .min_ids = map_.tree.min_ids.Read(queue),
                   .photons = map_.tree.photons.Read(queue)};
+    });
+  }
+
+  absl::StatusOr<Photons> ReadPhotons() const override {
+    const std::lock_guard lock(map_.gpu.device->mutex());
+    return Guard([&]() -> absl::StatusOr<Photons> {
+      const cl::CommandQueue& queue = map_.gpu.queue();
+      return Photons{.positions = PositionsById(map_.tree.photons.Read(queue)),
+                     .powers = map_.powers.Read(queue),
+                     .directions = map_.directions.Read(queue)};
     });
   }
 
