@@ -38,8 +38,8 @@ struct BuildOptions {
   std::uint32_t treelet_size = 7;  ///< leaves of a treelet: treelet [3, 16], trbvh [3, 9], atrbvh
                                    ///< [3, 32]
   std::uint32_t rounds = 3;        ///< of restructuring, [1, 8]
-  float radius = 0;  ///< gather radius that isa and vvh expect, and that BuildReport::isa_cost is
-                     ///< told for, scene units, finite; 0: sampled by builders that need one
+  float radius = 0;  ///< gather radius that isa and vvh expect, and that TreeStatistics::isa_cost
+                     ///< is told for, scene units, finite; 0: sampled by builders that need one
   std::uint32_t subtree_size = 256;  ///< T, photons of a subtree that hybrid rebuilds, [B, 4096]
   std::uint32_t seed = 0;            ///< of the photons that the radius is sampled at
 };
@@ -62,8 +62,7 @@ class Builder {
   /// answers are empty. INVALID_ARGUMENT: arrays of unequal length, a coordinate that is not finite
   /// or beyond kMaxCoordinate, an option out of range; the message names field, index and value.
   /// RESOURCE_EXHAUSTED: larger than one device buffer or the device's memory; the message names
-  /// the limit. CANCELLED: `cancelled` said so. UNIMPLEMENTED: a kind of tree that
-  /// this builder does not make. INTERNAL: the device failed.
+  /// the limit. CANCELLED: `cancelled` said so. INTERNAL: the device failed.
   virtual absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
                                                           const BuildOptions& options,
                                                           const CancelCheck& cancelled = {}) = 0;
@@ -108,8 +107,9 @@ struct DeviceOptions {
       cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
 };
 
-/// A builder on an OpenCL device, its kernels compiled: it makes kLbvh alone. NOT_FOUND: no such
-/// device; the message lists those there are.
+/// A builder on an OpenCL device, its kernels compiled. Trees that the device has no stage for are
+/// built on the CPU, as by MakeCpuBuilder, and copied: the same bits. NOT_FOUND: no such device;
+/// the message lists those there are.
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options = {});
 
 /// The device that a MakeDeviceBuilder with the same options takes.

@@ -92,11 +92,9 @@ struct BuildReport {
   std::string device;              ///< name of the device that holds the map
   std::uint64_t device_bytes = 0;  ///< held while the map lives
   std::vector<StageTime> stages;   ///< in the order in which they ran
-  TreeStatistics tree;             ///< zeros for brute force
   /// Gather radius of the options, else the one that was sampled, scene units; 0: neither.
   float radius = 0;
-  /// HeuristicCost of the tree by kIsa at `radius`; 0 where that is 0.
-  double isa_cost = 0;
+  TreeStatistics tree;  ///< zeros for brute force
 };
 
 /// A photon map that answers gathers. Immutable; safe to call from several threads at once.

@@ -132,7 +132,7 @@ TEST_P(EveryTreeKind, ReportsItself) {
   EXPECT_EQ(map->report().tree.leaf_count, plain.leaf_count);
   EXPECT_EQ(map->report().tree.sah_cost, plain.sah_cost);
   const float radius = map->report().radius;
-  EXPECT_EQ(map->report().isa_cost,
+  EXPECT_EQ(map->report().tree.isa_cost,
             radius > 0 ? HeuristicCost(*map->ReadTree(), Heuristic::kIsa, radius) : 0);
   EXPECT_GE(plain.leaf_count, 1009u / 8);
 }
@@ -143,8 +143,8 @@ TEST_P(EveryTreeKind, ReportsTheCostAtTheRadiusOfItsOptions) {
   options.radius = 0.125f;
   const auto map = BuildMap(photons, options);
   EXPECT_EQ(map->report().radius, 0.125f);
-  EXPECT_EQ(map->report().isa_cost, HeuristicCost(*map->ReadTree(), Heuristic::kIsa, 0.125f));
-  EXPECT_GT(map->report().isa_cost, map->report().tree.sah_cost);
+  EXPECT_EQ(map->report().tree.isa_cost, HeuristicCost(*map->ReadTree(), Heuristic::kIsa, 0.125f));
+  EXPECT_GT(map->report().tree.isa_cost, map->report().tree.sah_cost);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryTreeKind, testing::ValuesIn(AllTreeKinds()),

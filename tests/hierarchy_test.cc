@@ -38,18 +38,20 @@ TEST(HierarchyTest, KernelAgreesWithReference) {
         DeviceTree tree = BuildHierarchy(TestGpu(), Upload(cloud.levels),
                                          {firsts.size() - 1, Upload(firsts)}, Upload(photons));
         SCOPED_TRACE(shape.name + " " + std::to_string(size));
-        const TreeStatistics statistics = SumStatistics(TestGpu(), firsts.size() - 1, tree);
+        const TreeStatistics statistics =
+            SumStatistics(TestGpu(), firsts.size() - 1, /*radius=*/0.1f, tree);
         ASSERT_EQ(std::memcmp(&tree.root, &expected.root, sizeof tree.root), 0);
         ASSERT_TRUE(SameBits(tree.nodes.Read(TestGpu().queue()), expected.nodes));
         ASSERT_EQ(tree.min_ids.Read(TestGpu().queue()), expected.min_ids);
 
-        const TreeStatistics plain = ComputeStatistics(expected);
+        const TreeStatistics plain = ComputeStatistics(expected, 0.1f);
         EXPECT_EQ(statistics.node_count, plain.node_count);
         EXPECT_EQ(statistics.leaf_count, plain.leaf_count);
         EXPECT_EQ(statistics.depth, plain.depth);
         EXPECT_NEAR(statistics.mean_leaf_depth, plain.mean_leaf_depth, 1e-9);
         EXPECT_EQ(statistics.leaf_fill, plain.leaf_fill);
         EXPECT_NEAR(statistics.sah_cost, plain.sah_cost, 1e-5 * plain.sah_cost);
+        EXPECT_NEAR(statistics.isa_cost, plain.isa_cost, 1e-5 * plain.isa_cost);
       }
     }
   }
@@ -71,7 +73,7 @@ TEST(HierarchyTest, WorkedExampleOfKarras) {
   std::vector<LeafPhoton> photons;
   for (std::uint32_t i = 0; i < 8; ++i) photons.push_back({static_cast<float>(i), 0, 0, i});
   DeviceTree tree = BuildHierarchy(TestGpu(), levels, leaves, Upload(photons));
-  SumStatistics(TestGpu(), leaves.leaf_count, tree);
+  SumStatistics(TestGpu(), leaves.leaf_count, /*radius=*/0.1f, tree);
   const auto nodes = tree.nodes.Read(TestGpu().queue());
   const auto leaf = [](std::uint32_t i) { return kLeafBit | i; };
   // Node i separates leaf i from leaf i + 1.

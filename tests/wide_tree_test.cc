@@ -70,7 +70,7 @@ TEST(WideTreeTest, KernelsAgreeWithReference) {
         const Leaves leaves{firsts.size() - 1, Upload(firsts)};
         DeviceTree device_tree =
             BuildHierarchy(TestGpu(), Upload(cloud.levels), leaves, Upload(photons));
-        SumStatistics(TestGpu(), leaves.leaf_count, device_tree);
+        SumStatistics(TestGpu(), leaves.leaf_count, /*radius=*/0.1f, device_tree);
         const DeviceWideTree wide = BuildWideTree(TestGpu(), device_tree, leaves);
         const auto boxes = wide.boxes.Read(TestGpu().queue());
         for (std::uint32_t level = 0;; ++level) {

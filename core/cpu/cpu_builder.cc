@@ -68,39 +68,20 @@ Box BoundsOf(const Positions& positions) {
   return box;
 }
 
-bool NeedsRadius(const BuildOptions& options) {
-  return ReadsHeuristic(options.builder) && options.heuristic != Heuristic::kSah;
-}
-
 class CpuBuilder : public Builder {
  public:
   absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
                                                   const BuildOptions& options,
                                                   const CancelCheck& cancelled) override {
     if (const auto status = CheckBuild(photons, options); !status.ok()) return status;
+    auto built = BuildMeasuredCpuTree(photons.positions, options, cancelled);
+    if (!built.ok()) return built.status();
     BuildReport report;
     report.builder = BuilderName(options);
     report.device = "cpu";
-    auto start = std::chrono::steady_clock::now();
-    const auto mark = [&](const char* stage) {
-      const auto now = std::chrono::steady_clock::now();
-      report.stages.push_back(
-          {stage, std::chrono::duration<double, std::micro>(now - start).count()});
-      start = now;
-    };
-    float radius = options.radius;
-    if (radius == 0 && NeedsRadius(options)) {
-      const BuildOptions lbvh{.morton_bits = options.morton_bits};
-      radius = SampleGatherRadius(BuildCpuTree(photons.positions, lbvh, 0), photons.positions,
-                                  options.seed);
-      mark("radius");
-    }
-    if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
-    Tree tree = BuildCpuTree(photons.positions, options, radius);
-    mark("tree");
-    report.radius = radius;
-    if (radius > 0) report.isa_cost = HeuristicCost(tree, Heuristic::kIsa, radius);
-    return MakeTreeGatherer(photons, std::move(tree), std::move(report));
+    report.radius = built->radius;
+    report.stages = std::move(built->stages);
+    return MakeTreeGatherer(photons, std::move(built->tree), std::move(report));
   }
 };
 
@@ -109,6 +90,10 @@ class CpuBuilder : public Builder {
 std::uint32_t TreeletInputLeafSize(const BuildOptions& options) {
   return options.leaf_term == LeafTerm::kLeafSize ? std::max(options.max_leaf_size / 4, 1u)
                                                   : options.max_leaf_size;
+}
+
+bool NeedsRadius(const BuildOptions& options) {
+  return ReadsHeuristic(options.builder) && options.heuristic != Heuristic::kSah;
 }
 
 Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius) {
@@ -138,6 +123,29 @@ Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& optio
     return {};
   };
   return Arrange(build(), KindOfTree(options.builder), options.max_leaf_size);
+}
+
+absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& positions,
+                                                     const BuildOptions& options,
+                                                     const CancelCheck& cancelled) {
+  MeasuredCpuTree built;
+  built.radius = options.radius;
+  auto start = std::chrono::steady_clock::now();
+  const auto mark = [&](const char* stage) {
+    const auto now = std::chrono::steady_clock::now();
+    built.stages.push_back({stage, std::chrono::duration<double, std::micro>(now - start).count()});
+    start = now;
+  };
+  if (options.radius == 0 && NeedsRadius(options)) {
+    const BuildOptions lbvh{.morton_bits = options.morton_bits};
+    built.radius = SampleGatherRadius(BuildCpuTree(positions, lbvh, 0), positions, options.seed);
+    mark("radius");
+  }
+  if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
+  built.tree = BuildCpuTree(positions, options, built.radius);
+  mark("tree");
+  if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
+  return built;
 }
 
 std::unique_ptr<Builder> MakeCpuBuilder() { return std::make_unique<CpuBuilder>(); }

@@ -14,9 +14,24 @@ namespace treelight {
 /// two percent.
 std::uint32_t TreeletInputLeafSize(const BuildOptions& options);
 
+/// Whether the builder of `options` takes a gather radius.
+bool NeedsRadius(const BuildOptions& options);
+
 /// The tree of `options` over checked photons [3n].
 /// @param radius  gather radius of isa and vvh, scene units
 Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius);
+
+struct MeasuredCpuTree {
+  Tree tree;
+  float radius = 0;               ///< of the options; sampled where that is 0 and one is needed
+  std::vector<StageTime> stages;  ///< "radius" where it is sampled, "tree"
+};
+
+/// The same with a radius sampled where one is needed (gather_radius.h). CANCELLED: `cancelled`
+/// said so, asked before and after the tree is built.
+absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& positions,
+                                                     const BuildOptions& options,
+                                                     const CancelCheck& cancelled);
 
 }  // namespace treelight
 

@@ -13,7 +13,7 @@ class TreeGatherer : public Gatherer {
  public:
   TreeGatherer(Photons photons, Tree tree, BuildReport report)
       : photons_(std::move(photons)), tree_(std::move(tree)), report_(std::move(report)) {
-    report_.tree = ComputeStatistics(tree_);
+    report_.tree = ComputeStatistics(tree_, report_.radius);
   }
 
   absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,

@@ -1,7 +1,9 @@
 #include <mutex>
+#include <optional>
 #include <utility>
 
 #include "core/builder.h"
+#include "core/cpu/cpu_builder.h"
 #include "core/device/guard.h"
 #include "core/device/stage_timer.h"
 #include "core/gpu/bounds.h"
@@ -9,6 +11,7 @@
 #include "core/gpu/hierarchy.h"
 #include "core/gpu/leaves.h"
 #include "core/gpu/morton.h"
+#include "core/gpu/placed_photons.h"
 #include "core/gpu/radix_sort.h"
 #include "core/gpu/split_levels.h"
 #include "core/gpu/statistics.h"
@@ -62,41 +65,38 @@ SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::s
   return {std::move(codes.values), std::move(levels)};
 }
 
-struct MeasuredTree {
-  DeviceTree tree;
-  DeviceWideTree wide;
-  TreeStatistics statistics;
-};
-
-MeasuredTree BuildTree(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
-                       const Box& bounds, const BuildOptions& options, const CancelCheck& cancelled,
-                       StageTimer& timer) {
+PlacedPhotons PlaceLbvh(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                        const Box& bounds, const BuildOptions& options,
+                        const CancelCheck& cancelled, StageTimer& timer) {
   const auto bits = static_cast<unsigned>(options.morton_bits);
   const MortonGrid grid = MakeMortonGrid(bounds, bits / 3);
-  const SortedPhotons sorted = options.morton_bits == MortonBits::k63
-                                   ? SortPhotons<cl_ulong>(gpu, positions, count, grid, bits, timer)
-                                   : SortPhotons<cl_uint>(gpu, positions, count, grid, bits, timer);
+  SortedPhotons sorted = options.morton_bits == MortonBits::k63
+                             ? SortPhotons<cl_ulong>(gpu, positions, count, grid, bits, timer)
+                             : SortPhotons<cl_uint>(gpu, positions, count, grid, bits, timer);
   BreakTies(gpu, positions, count, bits, options.max_leaf_size, sorted.ids, sorted.levels,
             cancelled);
   timer.Mark("ties");
-  const Leaves leaves = FindLeaves(gpu, sorted.levels, count, options.max_leaf_size);
+  Leaves leaves = FindLeaves(gpu, sorted.levels, count, options.max_leaf_size);
   timer.Mark("leaves");
   Buffer<LeafPhoton> photons = PermutePhotons(gpu, positions, sorted.ids, count);
   timer.Mark("permute");
-  ThrowIfCancelled(cancelled);
-  DeviceTree tree = BuildHierarchy(gpu, sorted.levels, leaves, std::move(photons));
+  return {std::move(photons), std::move(leaves), std::move(sorted.levels)};
+}
+
+/// Builds the nodes of `map` over its photons.
+void BuildNodes(PlacedPhotons placed, DeviceMap& map, StageTimer& timer) {
+  const Gpu& gpu = map.gpu;
+  map.tree = BuildHierarchy(gpu, placed.levels, placed.leaves, std::move(placed.photons));
   timer.Mark("hierarchy");
-  const TreeStatistics statistics = SumStatistics(gpu, leaves.leaf_count, tree);
+  map.report.tree = SumStatistics(gpu, placed.leaves.leaf_count, map.report.radius, map.tree);
   timer.Mark("statistics");
-  DeviceWideTree wide;
   if (gpu.device->has_sub_groups()) {
-    wide = BuildWideTree(gpu, tree, leaves);
+    map.wide = BuildWideTree(gpu, map.tree, placed.leaves);
     timer.Mark("wide");
   }
-  tree.block_flags = {};
-  tree.climbs = {};
-  tree.device_root = {};
-  return {std::move(tree), std::move(wide), statistics};
+  map.tree.block_flags = {};
+  map.tree.climbs = {};
+  map.tree.device_root = {};
 }
 
 class GpuBuilder : public Builder {
@@ -107,56 +107,85 @@ class GpuBuilder : public Builder {
                                                   const BuildOptions& options,
                                                   const CancelCheck& cancelled) override {
     if (const auto status = CheckBuild(photons, options); !status.ok()) return status;
-    if (options.builder != BuilderKind::kLbvh) {
-      return absl::UnimplementedError(
-          fmt::format("builder: {} is not built on a device, lbvh is", BuilderName(options)));
-    }
     if (const auto status = CheckFits(gpu_.device->info(), photons, options); !status.ok())
       return status;
+    std::optional<MeasuredCpuTree> cpu_tree;
+    if (options.builder != BuilderKind::kLbvh) {
+      auto built = BuildMeasuredCpuTree(photons.positions, options, cancelled);
+      if (!built.ok()) return built.status();
+      cpu_tree = *std::move(built);
+    }
     const std::lock_guard lock(gpu_.device->mutex());
     return Guard([&]() -> absl::StatusOr<std::unique_ptr<Gatherer>> {
       ThrowIfCancelled(cancelled);
-      return MakeGpuGatherer(BuildMap(photons, options, cancelled));
+      return MakeGpuGatherer(cpu_tree ? CopyMap(photons, options, *cpu_tree)
+                                      : BuildMap(photons, options, cancelled));
     });
   }
 
  private:
   DeviceMap BuildMap(const Photons& photons, const BuildOptions& options,
                      const CancelCheck& cancelled) const {
-    const std::size_t count = photons.size();
+    StageTimer timer(gpu_.queue());
+    DeviceMap map = StartMap(photons, options);
+    map.report.radius = options.radius;
+    const auto positions = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.positions);
+    timer.Mark("upload");
+    const Box bounds = ComputeBounds(gpu_, positions, photons.size());
+    timer.Mark("bounds");
+    map.grid = MakeMortonGrid(bounds, 10);
+    if (photons.size() > 0) {
+      ThrowIfCancelled(cancelled);
+      BuildNodes(PlaceLbvh(gpu_, positions, photons.size(), bounds, options, cancelled, timer), map,
+                 timer);
+    }
+    FinishMap(timer, map);
+    return map;
+  }
+
+  /// The map of a tree of the host.
+  DeviceMap CopyMap(const Photons& photons, const BuildOptions& options,
+                    const MeasuredCpuTree& built) const {
+    StageTimer timer(gpu_.queue());
+    DeviceMap map = StartMap(photons, options);
+    map.report.radius = built.radius;
+    map.report.stages = built.stages;
+    const Root& root = built.tree.root;
+    map.grid = MakeMortonGrid(
+        {{root.min[0], root.min[1], root.min[2]}, {root.max[0], root.max[1], root.max[2]}}, 10);
+    if (photons.size() > 0) {
+      PlacedPhotons placed = PlaceTree(gpu_, built.tree);
+      timer.Mark("upload");
+      BuildNodes(std::move(placed), map, timer);
+    }
+    FinishMap(timer, map);
+    return map;
+  }
+
+  /// A map of no nodes, its attributes uploaded.
+  DeviceMap StartMap(const Photons& photons, const BuildOptions& options) const {
     DeviceMap map;
     map.gpu = gpu_;
-    map.photon_count = count;
+    map.kind = KindOfTree(options.builder);
+    map.photon_count = photons.size();
     map.has_powers = !photons.powers.empty();
     map.has_directions = !photons.directions.empty();
     map.max_leaf_size = options.max_leaf_size;
-    map.report.builder = "lbvh";
+    map.report.builder = BuilderName(options);
     map.report.device = gpu_.device->info().name;
-
-    StageTimer timer(gpu_.queue());
-    const auto positions = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.positions);
     map.powers = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.powers);
     map.directions = MakeBuffer<cl_short>(gpu_.memory(), gpu_.queue(), photons.directions);
-    timer.Mark("upload");
-    const Box bounds = ComputeBounds(gpu_, positions, count);
-    timer.Mark("bounds");
-    map.grid = MakeMortonGrid(bounds, 10);
-    if (count > 0) {
-      auto [tree, wide, statistics] =
-          BuildTree(gpu_, positions, count, bounds, options, cancelled, timer);
-      map.tree = std::move(tree);
-      map.wide = std::move(wide);
-      map.report.tree = statistics;
-    } else {
-      map.tree.nodes = Buffer<Node>(gpu_.memory(), 0);
-      map.tree.min_ids = Buffer<cl_uint>(gpu_.memory(), 0);
-      map.tree.photons = Buffer<LeafPhoton>(gpu_.memory(), 0);
-    }
-    map.report.stages = timer.Finish();
+    map.tree.nodes = Buffer<Node>(gpu_.memory(), 0);
+    map.tree.min_ids = Buffer<cl_uint>(gpu_.memory(), 0);
+    map.tree.photons = Buffer<LeafPhoton>(gpu_.memory(), 0);
+    return map;
+  }
+
+  static void FinishMap(StageTimer& timer, DeviceMap& map) {
+    for (StageTime& stage : timer.Finish()) map.report.stages.push_back(std::move(stage));
     map.report.device_bytes = map.tree.nodes.bytes() + map.tree.min_ids.bytes() +
                               map.tree.photons.bytes() + map.wide.boxes.bytes() +
                               map.powers.bytes() + map.directions.bytes();
-    return map;
   }
 
   Gpu gpu_;

@@ -69,7 +69,7 @@ class GpuGatherer : public Gatherer {
     const std::lock_guard lock(map_.gpu.device->mutex());
     return Guard([&]() -> absl::StatusOr<Tree> {
       const cl::CommandQueue& queue = map_.gpu.queue();
-      return Tree{.kind = TreeKind::kKdTree,
+      return Tree{.kind = map_.kind,
                   .max_leaf_size = map_.max_leaf_size,
                   .root = map_.tree.root,
                   .nodes = map_.tree.nodes.Read(queue),

@@ -8,7 +8,8 @@ namespace treelight {
 /// Statistics of `tree` over `leaf_count` leaves, at least one, as ComputeStatistics of
 /// core/model/tree.h gives them; areas are summed in float (statistics.cl). Fills in what the host
 /// needs to know of the tree, its root and its blocks. Waits.
-TreeStatistics SumStatistics(const Gpu& gpu, std::size_t leaf_count, DeviceTree& tree);
+TreeStatistics SumStatistics(const Gpu& gpu, std::size_t leaf_count, float radius,
+                             DeviceTree& tree);
 
 }  // namespace treelight
 

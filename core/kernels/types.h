@@ -48,8 +48,9 @@ enum { kTreeSumGroups = 64 };
 /** What is read back of a tree: its root, and the parts of its sums. */
 typedef struct TreeSums {
   ulong depths[kTreeSumGroups]; /**< of the leaves, edges from the root */
-  float areas[kTreeSumGroups];  /**< surface areas of all children, relative to the longest edge of
-                                 * the root squared */
+  float areas[kTreeSumGroups];  /**< half the surface areas of all children, in units that
+                                 * area_scale of statistics.cl gives */
+  float grown_areas[kTreeSumGroups]; /**< the same of boxes grown by the gather radius */
   uint blocks[kTreeSumGroups];  /**< of the wide tree */
   Root root;
 } TreeSums;

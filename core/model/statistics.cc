@@ -39,7 +39,7 @@ double HeuristicCost(const Tree& tree, Heuristic heuristic, float radius) {
   return root > 0 ? sum / root : 0;
 }
 
-TreeStatistics ComputeStatistics(const Tree& tree) {
+TreeStatistics ComputeStatistics(const Tree& tree, float radius) {
   TreeStatistics statistics;
   if (tree.root.count == 0) return statistics;
   const double root_area = SurfaceArea(MakeBox(tree.root.min, tree.root.max));
@@ -65,6 +65,7 @@ TreeStatistics ComputeStatistics(const Tree& tree) {
   statistics.mean_leaf_depth = depth_sum / statistics.leaf_count;
   statistics.leaf_fill = static_cast<double>(tree.root.count) / statistics.leaf_count;
   statistics.sah_cost = root_area > 0 ? area / root_area : 0;
+  if (radius > 0) statistics.isa_cost = HeuristicCost(tree, Heuristic::kIsa, radius);
   return statistics;
 }
 

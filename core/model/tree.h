@@ -42,6 +42,9 @@ struct TreeStatistics {
   /// Surface area of all nodes, leaves included, relative to the root's: Bulavintsev and Zhdanov
   /// 2020 with both constants 1. 0 where the root has no area.
   double sah_cost = 0;
+  /// The same of the boxes grown by the gather radius on every side: `isa` of the docs. 0 where no
+  /// radius is known.
+  double isa_cost = 0;
 };
 
 /// Measure of all nodes of `tree` by `heuristic`, leaves included, relative to the root's, in
@@ -49,8 +52,9 @@ struct TreeStatistics {
 /// @param radius  gather radius of kIsa and kVvh, scene units
 double HeuristicCost(const Tree& tree, Heuristic heuristic, float radius);
 
-/// Computes the statistics of `tree`, one pass on the calling thread.
-TreeStatistics ComputeStatistics(const Tree& tree);
+/// Computes the statistics of `tree` on the calling thread.
+/// @param radius  gather radius of isa_cost, scene units; 0: not known
+TreeStatistics ComputeStatistics(const Tree& tree, float radius = 0);
 
 }  // namespace treelight
 
