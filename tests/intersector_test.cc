@@ -187,6 +187,44 @@ TEST(Intersector, PanesLetTheirShareOfLightPass) {
   EXPECT_TRUE(intersector.Occluded({0.3f, 0.1f, 0.3f}, {0.3f, 0.5f, 0.3f}));
 }
 
+// Segments between the halves of a room that a pane, a sphere and nothing part; lanes without a
+// segment stay out of it.
+TEST(Intersector, APacketOfSegmentsPassesWhatEachPasses) {
+  for (const bool panes : {false, true}) {
+    Scene scene = MakeClosedBox(kGrey);
+    scene.spheres = {{.center = {0.3f, 0.5f, 0.3f}, .radius = 0.25f, .material = 0}};
+    if (panes) {
+      scene.materials.push_back({.name = "sheet",
+                                 .surface = Surface::kPane,
+                                 .reflectance = {},
+                                 .ior = 1.5f,
+                                 .transmittance = {1, 0.5f, 0}});
+      AddQuad({0.5f, 0.5f, 1}, {1, 0.5f, 1}, {1, 0.5f, 0}, {0.5f, 0.5f, 0}, 1, scene.mesh);
+    }
+    const Intersector intersector = MustIntersect(scene);
+    std::mt19937 engine(7);
+    std::uniform_real_distribution<float> place(0.05f, 0.95f);
+    int blocked = 0, part = 0, clear = 0;
+    for (std::size_t count = 0; count < 20 * kPacketSize; ++count) {
+      std::vector<Segment> segments(count % (kPacketSize + 1));
+      for (Segment& segment : segments) {
+        segment = {{place(engine), 0.1f, place(engine)}, {place(engine), 0.9f, place(engine)}};
+      }
+      const auto packet = intersector.TransmittancePacket(segments);
+      for (std::size_t i = 0; i < kPacketSize; ++i) {
+        const Rgb passed = i < segments.size()
+                               ? intersector.Transmittance(segments[i].from, segments[i].to)
+                               : Rgb{};
+        EXPECT_EQ(packet[i], passed);
+        if (i < segments.size()) ++(passed.r == 0 ? blocked : passed.r == 1 ? clear : part);
+      }
+    }
+    EXPECT_GT(blocked, 300);
+    EXPECT_GT(clear, 300);
+    EXPECT_EQ(part > 300, panes);
+  }
+}
+
 // From outside glass always lets some light in, at 45 degrees bent to asin(sin 45 / 1.5); from
 // inside it reflects all of that angle's light.
 TEST(SplitAtHit, KnowsTheInsideFromTheOutside) {

@@ -1,6 +1,7 @@
 #include "client/render/branches.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "client/scenes/vector.h"
 #include "client/trace/dielectric.h"
@@ -14,7 +15,16 @@ constexpr std::uint32_t kMaxSpecularHits = 64;
 
 }  // namespace
 
+void Branches::Begin(const Ray& ray, const std::optional<Hit>& first) {
+  branches_.clear();
+  first_.reset();
+  ++rays_;
+  if (first)
+    first_.emplace(Branch{.ray = ray, .weight = {1, 1, 1}, .travelled = first->distance}, *first);
+}
+
 std::optional<std::pair<Branch, Hit>> Branches::Next() {
+  if (first_) return std::exchange(first_, std::nullopt);
   while (!branches_.empty()) {
     Branch branch = branches_.back();
     branches_.pop_back();

@@ -31,8 +31,9 @@ class Branches {
   /// `intersector` must outlive it.
   explicit Branches(const Intersector& intersector) : intersector_(intersector) {}
 
-  /// Begins a sample, of weight 1; what was left of the one before is forgotten.
-  void Begin(const Ray& ray) { branches_.assign(1, {.ray = ray, .weight = {1, 1, 1}}); }
+  /// Begins a sample, of weight 1, whose ray from the camera meets `first`, if anything; what was
+  /// left of the one before is forgotten.
+  void Begin(const Ray& ray, const std::optional<Hit>& first);
 
   /// Follows the next ray to the surface that it meets. Nothing: no ray is left. Rays that meet
   /// none are skipped. `travelled` of the branch includes this ray.
@@ -52,6 +53,7 @@ class Branches {
               Event event, float density);
 
   const Intersector& intersector_;
+  std::optional<std::pair<Branch, Hit>> first_;  // until Next has told it
   std::vector<Branch> branches_;
   std::uint64_t rays_ = 0;
 };

@@ -1,7 +1,10 @@
 #include "client/render/camera_pass.h"
 
 #include <algorithm>
+#include <array>
 #include <numbers>
+#include <optional>
+#include <span>
 
 #include "client/render/branches.h"
 #include "client/trace/random.h"
@@ -12,7 +15,7 @@
 namespace treelight::client {
 namespace {
 
-constexpr std::size_t kSamplesPerTask = 32;
+constexpr std::size_t kSamplesPerTask = 4 * kPacketSize;
 /// Surfaces that one gather ray is followed over, near and specular ones.
 constexpr std::uint32_t kMaxGatherSurfaces = 64;
 /// Diffuse surfaces among them: a corner is left after few bounces.
@@ -23,11 +26,54 @@ class CameraTask {
   CameraTask(const Intersector& intersector, const Lights& lights, const CameraPassOptions& options)
       : intersector_(intersector), lights_(lights), options_(options), branches_(intersector) {}
 
-  /// Follows `ray`, sample `sample` of its pixel. `first_stratum` is that of its first gather ray.
-  void TraceSample(const Ray& ray, std::uint32_t first_stratum, RandomStream& random) {
+  /// Traces samples [first, last) of `order`, at most kPacketSize; their camera rays are a packet.
+  void TracePacket(const CameraRays& camera, const SampleOrder& order, std::uint64_t first,
+                   std::uint64_t last) {
+    const std::uint32_t samples = options_.samples_per_pixel;
+    const std::uint32_t strata = samples * std::max(1u, options_.final_gather_rays);
+    std::vector<Ray> rays;
+    std::vector<RandomStream> randoms;
+    std::vector<std::uint32_t> first_strata;
+    for (std::uint64_t i = first; i < last; ++i) {
+      const PixelSample place = order.At(i);
+      RandomStream& random =
+          randoms.emplace_back(options_.seed, RandomPurpose::kCameraSample,
+                               std::uint64_t{place.pixel} * samples + place.sample);
+      const float u = random.Uniform(), v = random.Uniform();
+      const auto [x, y] = JitterInPixel(place.sample, samples, u, v);
+      rays.push_back(
+          camera.Through(static_cast<float>(place.x) + x, static_cast<float>(place.y) + y));
+      // The samples of a pixel share the strata of its gather rays among them, from a place drawn
+      // for the pixel, so that each stratum falls to each sample alike.
+      RandomStream shift(options_.seed, RandomPurpose::kFinalGather, place.pixel);
+      first_strata.push_back(
+          static_cast<std::uint32_t>(shift.Uniform() * static_cast<float>(strata)) + place.sample);
+    }
+    const auto hits = intersector_.IntersectPacket(rays);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      first_stratum_ = first_strata[i];
+      FollowSample(rays[i], hits[i], randoms[i]);
+    }
+  }
+
+  CameraBatch Take() {
+    ShootShadowRays();
+    batch_.rays += branches_.rays();
+    return std::move(batch_);
+  }
+
+ private:
+  /// Light on its way to a surface, unless its shadow ray meets something.
+  struct ShadowRay {
+    Segment segment;
+    std::uint32_t sample;
+    Rgb radiance;  // added to the sample, times what the segment lets pass
+  };
+
+  /// Follows the camera ray `ray` of the next sample from what it meets on.
+  void FollowSample(const Ray& ray, const std::optional<Hit>& first, RandomStream& random) {
     batch_.radiance.emplace_back();
-    first_stratum_ = first_stratum;
-    branches_.Begin(ray);
+    branches_.Begin(ray, first);
     while (const auto met = branches_.Next()) {
       const auto& [branch, hit] = *met;
       AddEmission(branch, hit);
@@ -36,12 +82,6 @@ class CameraTask {
     }
   }
 
-  CameraBatch Take() {
-    batch_.rays += branches_.rays();
-    return std::move(batch_);
-  }
-
- private:
   std::uint32_t sample() const { return static_cast<std::uint32_t>(batch_.radiance.size() - 1); }
   std::uint32_t shadow_rays() const { return options_.light_strata * options_.light_strata; }
 
@@ -67,27 +107,41 @@ class CameraTask {
 
     // One shadow ray to each cell of a grid over the lights.
     const std::uint32_t strata = options_.light_strata, count = shadow_rays();
-    Rgb direct;
     for (std::uint32_t i = 0; i < count; ++i) {
       const float u =
           (static_cast<float>(i % strata) + random.Uniform()) / static_cast<float>(strata);
       const float v =
           (static_cast<float>(i / strata) + random.Uniform()) / static_cast<float>(strata);
-      direct += DirectLight(branch.ray, hit, u, v, static_cast<float>(count));
+      AddDirectLight(branch, hit, u, v, static_cast<float>(count));
     }
     batch_.rays += count;
-    batch_.radiance.back() += (1 / static_cast<float>(count)) * (branch.weight * direct);
   }
 
-  /// Radiance back along `ray` by the light point that (u, v) draws, one of `count`. Diffusely
-  /// scattered rays are not followed to lights, lobes are.
-  Rgb DirectLight(const Ray& ray, const Hit& hit, float u, float v, float count) const {
-    const auto light = SampleDirectLight(intersector_, lights_, hit, u, v);
-    if (!light) return {};
-    Rgb scattered = EvaluateScattering(ray, hit, light->direction, Lobes::kDiffuse).value;
-    const ScatterValue lobe = EvaluateScattering(ray, hit, light->direction, Lobes::kSpecular);
-    scattered += BalanceWeight(count * light->density, lobe.density) * lobe.value;
-    return scattered * light->irradiance;
+  /// Adds the light of the light point that (u, v) draws, one of `count`. Diffusely scattered rays
+  /// are not followed to lights, lobes are.
+  void AddDirectLight(const Branch& branch, const Hit& hit, float u, float v, float count) {
+    const auto sampled = SampleUnshadowedLight(lights_, hit, u, v);
+    if (!sampled) return;
+    const DirectLight& light = sampled->light;
+    Rgb scattered = EvaluateScattering(branch.ray, hit, light.direction, Lobes::kDiffuse).value;
+    const ScatterValue lobe =
+        EvaluateScattering(branch.ray, hit, light.direction, Lobes::kSpecular);
+    scattered += BalanceWeight(count * light.density, lobe.density) * lobe.value;
+    const Rgb radiance = (1 / count) * (branch.weight * scattered * light.irradiance);
+    if (!(MaxChannel(radiance) > 0)) return;
+    shadow_rays_.push_back({sampled->shadow, sample(), radiance});
+    if (shadow_rays_.size() == kPacketSize) ShootShadowRays();
+  }
+
+  /// Those of neighbouring samples go to the same lights: they are packets, too.
+  void ShootShadowRays() {
+    std::array<Segment, kPacketSize> segments;
+    for (std::size_t i = 0; i < shadow_rays_.size(); ++i) segments[i] = shadow_rays_[i].segment;
+    const auto passed =
+        intersector_.TransmittancePacket(std::span(segments).first(shadow_rays_.size()));
+    for (std::size_t i = 0; i < shadow_rays_.size(); ++i)
+      batch_.radiance[shadow_rays_[i].sample] += passed[i] * shadow_rays_[i].radiance;
+    shadow_rays_.clear();
   }
 
   /// Sends gather ray `index` out from a diffuse hit and follows it to where photons are looked up.
@@ -164,7 +218,8 @@ class CameraTask {
   const CameraPassOptions& options_;
   CameraBatch batch_;
   Branches branches_;
-  std::uint32_t first_stratum_ = 0;
+  std::vector<ShadowRay> shadow_rays_;  // not shot yet, fewer than kPacketSize
+  std::uint32_t first_stratum_ = 0;     // of the gather rays of the sample that is followed
 };
 
 template <typename T>
@@ -193,28 +248,13 @@ CameraBatch TraceCameraBatch(const Intersector& intersector, const Lights& light
                              const CameraRays& camera, const SampleOrder& order,
                              std::uint64_t first, std::size_t count,
                              const CameraPassOptions& options) {
-  const std::uint32_t samples = options.samples_per_pixel;
-  const std::uint32_t strata = samples * std::max(1u, options.final_gather_rays);
   std::vector<CameraBatch> parts((count + kSamplesPerTask - 1) / kSamplesPerTask);
   tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t part) {
     CameraTask task(intersector, lights, options);
     const std::uint64_t part_first = first + part * kSamplesPerTask;
     const std::uint64_t part_last = std::min(part_first + kSamplesPerTask, first + count);
-    for (std::uint64_t i = part_first; i < part_last; ++i) {
-      const PixelSample place = order.At(i);
-      RandomStream random(options.seed, RandomPurpose::kCameraSample,
-                          std::uint64_t{place.pixel} * samples + place.sample);
-      const float u = random.Uniform(), v = random.Uniform();
-      const auto [x, y] = JitterInPixel(place.sample, samples, u, v);
-      // The samples of a pixel share the strata of its gather rays among them, from a place drawn
-      // for the pixel, so that each stratum falls to each sample alike.
-      RandomStream shift(options.seed, RandomPurpose::kFinalGather, place.pixel);
-      const auto first_stratum =
-          static_cast<std::uint32_t>(shift.Uniform() * static_cast<float>(strata)) + place.sample;
-      task.TraceSample(
-          camera.Through(static_cast<float>(place.x) + x, static_cast<float>(place.y) + y),
-          first_stratum, random);
-    }
+    for (std::uint64_t i = part_first; i < part_last; i += kPacketSize)
+      task.TracePacket(camera, order, i, std::min(i + kPacketSize, part_last));
     parts[part] = task.Take();
   });
   CameraBatch batch;

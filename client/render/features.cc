@@ -1,6 +1,7 @@
 #include "client/render/features.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "client/render/branches.h"
 #include "client/render/camera_rays.h"
@@ -30,18 +31,28 @@ FeatureLayers TraceFeatures(const Intersector& intersector, const FeatureOptions
   const float share = 1 / static_cast<float>(samples);
   tbb::parallel_for(0, options.height, [&](int y) {
     Branches branches(intersector);
-    for (int x = 0; x < options.width; ++x) {
-      const std::size_t pixel = std::size_t(y) * std::size_t(options.width) + std::size_t(x);
-      for (std::uint32_t s = 0; s < samples; ++s) {
-        RandomStream random(options.seed, RandomPurpose::kFeatures,
-                            std::uint64_t{pixel} * samples + s);
+    const std::size_t first_pixel = std::size_t(y) * std::size_t(options.width);
+    const std::size_t count = std::size_t(options.width) * samples;
+    for (std::size_t done = 0; done < count; done += kPacketSize) {
+      // Samples of the row, pixel by pixel: their camera rays are a packet.
+      std::vector<Ray> rays;
+      std::vector<RandomStream> randoms;
+      for (std::size_t i = done; i < std::min(done + kPacketSize, count); ++i) {
+        RandomStream& random = randoms.emplace_back(options.seed, RandomPurpose::kFeatures,
+                                                    std::uint64_t{first_pixel} * samples + i);
         const float u = random.Uniform(), v = random.Uniform();
-        const auto [dx, dy] = JitterInPixel(s, samples, u, v);
-        branches.Begin(camera.Through(static_cast<float>(x) + dx, static_cast<float>(y) + dy));
+        const auto [dx, dy] = JitterInPixel(static_cast<std::uint32_t>(i % samples), samples, u, v);
+        rays.push_back(
+            camera.Through(static_cast<float>(i / samples) + dx, static_cast<float>(y) + dy));
+      }
+      const auto hits = intersector.IntersectPacket(rays);
+      for (std::size_t k = 0; k < rays.size(); ++k) {
+        const std::size_t pixel = first_pixel + (done + k) / samples;
+        branches.Begin(rays[k], hits[k]);
         while (const auto met = branches.Next()) {
           const auto& [branch, hit] = *met;
           if (IsSpecular(*hit.material)) {
-            branches.Scatter(branch, hit, random);
+            branches.Scatter(branch, hit, randoms[k]);
             continue;
           }
           const Vec3& n = hit.shading_normal;

@@ -1,15 +1,16 @@
 #include "client/render/path_tracer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
+#include <span>
 #include <vector>
 
 #include "client/render/camera_rays.h"
 #include "client/scenes/vector.h"
 #include "client/trace/scatter.h"
 #include "fmt/format.h"
-#include "tbb/blocked_range.h"
 #include "tbb/parallel_for.h"
 
 namespace treelight::client {
@@ -18,6 +19,7 @@ namespace {
 constexpr std::uint32_t kSurfacesBeforeRoulette = 3;
 constexpr float kMaxSurvival = 0.98f;  // so that paths between perfect mirrors end too
 constexpr std::uint32_t kSamplesPerPass = 16;
+constexpr std::size_t kPixelsPerTask = 64;
 
 /// Sums over the samples of one pixel, in double: thousands of samples are added.
 struct PixelSums {
@@ -37,6 +39,61 @@ Image MeanImage(const std::vector<PixelSums>& sums, std::uint32_t samples,
   return image;
 }
 
+class SampleTracer {
+ public:
+  SampleTracer(const Intersector& intersector, const PathTraceOptions& options)
+      : intersector_(intersector),
+        options_(options),
+        camera_(intersector.scene().camera, options.width, options.height),
+        lights_(intersector.scene()) {}
+
+  /// Adds samples [first, last) of the pixels from `first_pixel` on to their sums.
+  void Trace(std::size_t first_pixel, std::span<PixelSums> sums, std::uint32_t first,
+             std::uint32_t last) const {
+    const std::size_t count = sums.size() * (last - first);
+    for (std::size_t done = 0; done < count; done += kPacketSize) {
+      // Samples, pixel by pixel: their camera rays are a packet.
+      std::vector<Ray> rays;
+      std::vector<RandomStream> randoms;
+      for (std::size_t i = done; i < std::min(done + kPacketSize, count); ++i) {
+        const std::size_t pixel = first_pixel + i / (last - first);
+        const auto sample = first + static_cast<std::uint32_t>(i % (last - first));
+        RandomStream& random =
+            randoms.emplace_back(options_.seed, RandomPurpose::kReferencePath,
+                                 std::uint64_t{pixel} * options_.samples_per_pixel + sample);
+        const float u = random.Uniform(), v = random.Uniform();
+        const auto [x, y] = Place(sample, u, v);
+        rays.push_back(camera_.Through(static_cast<float>(pixel % options_.width) + x,
+                                       static_cast<float>(pixel / options_.width) + y));
+      }
+      const auto hits = intersector_.IntersectPacket(rays);
+      for (std::size_t k = 0; k < rays.size(); ++k) {
+        PixelSums& pixel = sums[(done + k) / (last - first)];
+        const auto sample = first + static_cast<std::uint32_t>((done + k) % (last - first));
+        const PathSample path = TracePath(intersector_, lights_, rays[k], hits[k], randoms[k]);
+        auto& sum = sample % 2 == 0 ? pixel.even : pixel.odd;
+        sum[0] += path.radiance.r, sum[1] += path.radiance.g, sum[2] += path.radiance.b;
+        pixel.rays += path.rays;
+      }
+    }
+  }
+
+ private:
+  std::array<float, 2> Place(std::uint32_t sample, float u, float v) const {
+    if (!(options_.target_noise > 0))
+      return JitterInPixel(sample, options_.samples_per_pixel, u, v);
+    // Where the end is not known, each pass covers the pixel evenly, and two passes cover it evenly
+    // with even and with odd samples, which tell the noise.
+    return JitterInPixel((sample + sample / kSamplesPerPass) % kSamplesPerPass, kSamplesPerPass, u,
+                         v);
+  }
+
+  const Intersector& intersector_;
+  const PathTraceOptions& options_;
+  const CameraRays camera_;
+  const Lights lights_;
+};
+
 /// PathTracedImage::noise after `samples` > 1.
 double EstimateNoise(const std::vector<PixelSums>& sums, std::uint32_t samples) {
   const double even_count = (samples + 1) / 2, odd_count = samples / 2;
@@ -52,17 +109,20 @@ double EstimateNoise(const std::vector<PixelSums>& sums, std::uint32_t samples) 
 
 }  // namespace
 
-PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray ray,
+PathSample TracePath(const Intersector& intersector, const Lights& lights, const Ray& ray,
                      RandomStream& random) {
-  PathSample sample;
+  return TracePath(intersector, lights, ray, intersector.Intersect(ray), random);
+}
+
+PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray ray,
+                     std::optional<Hit> hit, RandomStream& random) {
+  PathSample sample{.radiance = {}, .rays = 1};
   Rgb throughput{1, 1, 1};
   // Density [1 / sr] with which a surface chose the direction of `ray`; 0 after a camera, mirror or
   // glass. Panes let the ray go straight on: `travelled` is how far it came since that choice.
   float density = 0, travelled = 0;
   float radiance_scale = 1;  // Scattering::radiance_scale of all surfaces, beside `throughput`
   for (std::uint32_t surface = 1;; ++surface) {
-    ++sample.rays;
-    const auto hit = intersector.Intersect(ray);
     if (!hit) return sample;
     const Material& material = *hit->material;
     travelled += hit->distance;
@@ -98,6 +158,8 @@ PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray r
     }
     if (scattering->event != Event::kPassage) density = scattering->density, travelled = 0;
     ray = LeaveSurface(*hit, scattering->direction);
+    ++sample.rays;
+    hit = intersector.Intersect(ray);
   }
 }
 
@@ -131,18 +193,9 @@ absl::StatusOr<PathTracedImage> PathTrace(const Intersector& intersector,
   if (samples < 2) {
     return absl::InvalidArgumentError(fmt::format("{} samples per pixel; at least 2", samples));
   }
-  const CameraRays camera(intersector.scene().camera, options.width, options.height);
-  const Lights lights(intersector.scene());
+  const SampleTracer tracer(intersector, options);
   std::vector<PixelSums> sums(std::size_t(options.width) * std::size_t(options.height));
   PreviewClock preview(options.preview);
-  // Where the end is not known, each pass covers the pixel evenly, and two passes cover it evenly
-  // with even and with odd samples, which tell the noise.
-  const bool open_end = options.target_noise > 0;
-  const auto place = [&](std::uint32_t s, float u, float v) {
-    return open_end
-               ? JitterInPixel((s + s / kSamplesPerPass) % kSamplesPerPass, kSamplesPerPass, u, v)
-               : JitterInPixel(s, samples, u, v);
-  };
 
   PathTracedImage result;
   for (std::uint32_t first = 0; first < samples; first = result.samples_per_pixel) {
@@ -150,28 +203,16 @@ absl::StatusOr<PathTracedImage> PathTrace(const Intersector& intersector,
     const std::uint32_t pass =
         first < kSamplesPerPass ? std::max(1u, first) : kSamplesPerPass - first % kSamplesPerPass;
     const std::uint32_t last = std::min(samples, first + pass);
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, sums.size(), 64), [&](const auto& range) {
-      for (std::size_t i = range.begin(); i < range.end(); ++i) {
-        for (std::uint32_t s = first; s < last; ++s) {
-          RandomStream random(options.seed, RandomPurpose::kReferencePath,
-                              std::uint64_t{i} * samples + s);
-          const float u = random.Uniform(), v = random.Uniform();
-          const auto [x, y] = place(s, u, v);
-          const PathSample path =
-              TracePath(intersector, lights,
-                        camera.Through(static_cast<float>(i % options.width) + x,
-                                       static_cast<float>(i / options.width) + y),
-                        random);
-          auto& sum = s % 2 == 0 ? sums[i].even : sums[i].odd;
-          sum[0] += path.radiance.r, sum[1] += path.radiance.g, sum[2] += path.radiance.b;
-          sums[i].rays += path.rays;
-        }
-      }
+    const std::size_t tasks = (sums.size() + kPixelsPerTask - 1) / kPixelsPerTask;
+    tbb::parallel_for(std::size_t{0}, tasks, [&](std::size_t task) {
+      const std::size_t pixel = task * kPixelsPerTask;
+      const std::size_t count = std::min(kPixelsPerTask, sums.size() - pixel);
+      tracer.Trace(pixel, std::span(sums).subspan(pixel, count), first, last);
     });
     result.samples_per_pixel = last;
     if (options.progress) options.progress(std::uint64_t{sums.size()} * last);
     preview.Update([&] { return MeanImage(sums, last, options); });
-    if (open_end && last % kSamplesPerPass == 0 &&
+    if (options.target_noise > 0 && last % kSamplesPerPass == 0 &&
         EstimateNoise(sums, last) <= options.target_noise) {
       break;
     }

@@ -25,8 +25,12 @@ struct PathSample {
 /// surface and also hit by chance, the two weighted by the balance heuristic (Veach 1997,
 /// section 9.2); light that comes through mirrors and glass alone can only be hit. Russian roulette
 /// from the fourth surface on. Unbiased.
-PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray ray,
+PathSample TracePath(const Intersector& intersector, const Lights& lights, const Ray& ray,
                      RandomStream& random);
+
+/// The same where it is known what `ray` meets first, if anything: `hit`.
+PathSample TracePath(const Intersector& intersector, const Lights& lights, Ray ray,
+                     std::optional<Hit> hit, RandomStream& random);
 
 /// What PathTrace renders, and how finely.
 struct PathTraceOptions {

@@ -228,6 +228,34 @@ std::array<std::optional<Hit>, kPacketSize> Intersector::IntersectPacket(
   return hits;
 }
 
+std::array<Rgb, kPacketSize> Intersector::TransmittancePacket(
+    std::span<const Segment> segments) const {
+  assert(segments.size() <= kPacketSize);
+  alignas(64) std::array<int, kPacketSize> valid{};  // -1: there is a segment
+  RTCRay16 ray{};
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const Vec3& origin = segments[i].from;
+    const Vec3 path = segments[i].to - origin;
+    valid[i] = -1;
+    ray.org_x[i] = origin.x, ray.org_y[i] = origin.y, ray.org_z[i] = origin.z;
+    ray.dir_x[i] = path.x, ray.dir_y[i] = path.y, ray.dir_z[i] = path.z;
+    ray.tfar[i] = 1;
+    ray.mask[i] = ~0u;
+  }
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcOccluded16(valid.data(), impl_->rtc_scene.get(), &context, &ray);
+  std::array<Rgb, kPacketSize> passed{};
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    if (!(ray.tfar[i] < 0)) {
+      passed[i] = {1, 1, 1};
+    } else if (impl_->has_panes) {
+      passed[i] = Transmittance(segments[i].from, segments[i].to);
+    }
+  }
+  return passed;
+}
+
 bool Intersector::Occluded(const Vec3& from, const Vec3& to) const {
   RTCRay ray = MakeRay(from, to - from, 1);
   RTCIntersectContext context;

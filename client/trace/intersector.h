@@ -39,7 +39,12 @@ Vec3 OffsetFromSurface(const Vec3& position, const Vec3& normal);
 /// is.
 Ray LeaveSurface(const Hit& hit, const Vec3& direction);
 
-/// Rays that IntersectPacket takes at most.
+/// What light crosses between two points: move each off its surface.
+struct Segment {
+  Vec3 from, to;
+};
+
+/// Rays that IntersectPacket takes at most, and segments that TransmittancePacket does.
 inline constexpr std::size_t kPacketSize = 16;
 
 /// A scene that rays can be shot at, on Embree 3. Immutable; safe to call from several threads at
@@ -70,6 +75,11 @@ class Intersector {
   /// The share of light that gets from one point to the other straight, ends included as for
   /// Occluded: what panes in between let pass; 0 where something else stands there.
   Rgb Transmittance(const Vec3& from, const Vec3& to) const;
+
+  /// The same for up to kPacketSize segments at once; faster for segments that are close to each
+  /// other, as from neighbouring points to one light. What only touches the end of a segment may
+  /// count for one of this and Transmittance and not for the other.
+  std::array<Rgb, kPacketSize> TransmittancePacket(std::span<const Segment> segments) const;
 
   const Scene& scene() const;
 

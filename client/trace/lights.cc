@@ -144,8 +144,8 @@ Emission SampleEmission(const Lights& lights, double u, float v, float s, float 
                                           : (1 / light.probability) * PowerOf(*light.point)};
 }
 
-std::optional<DirectLight> SampleDirectLight(const Intersector& intersector, const Lights& lights,
-                                             const Hit& hit, float u, float v) {
+std::optional<UnshadowedLight> SampleUnshadowedLight(const Lights& lights, const Hit& hit, float u,
+                                                     float v) {
   const LightPoint light = lights.Sample(u, v);
   const Vec3 origin = OffsetFromSurface(hit.position, hit.normal);
   const Vec3 path = light.position - origin;
@@ -164,7 +164,16 @@ std::optional<DirectLight> SampleDirectLight(const Intersector& intersector, con
     direct.irradiance = (1 / direct.density) * light.emission;
   }
   if (!(MaxChannel(direct.irradiance) > 0)) return std::nullopt;
-  direct.irradiance = direct.irradiance * intersector.Transmittance(origin, light.position);
+  return UnshadowedLight{.light = direct, .shadow = {origin, light.position}};
+}
+
+std::optional<DirectLight> SampleDirectLight(const Intersector& intersector, const Lights& lights,
+                                             const Hit& hit, float u, float v) {
+  const auto sampled = SampleUnshadowedLight(lights, hit, u, v);
+  if (!sampled) return std::nullopt;
+  DirectLight direct = sampled->light;
+  direct.irradiance =
+      direct.irradiance * intersector.Transmittance(sampled->shadow.from, sampled->shadow.to);
   if (!(MaxChannel(direct.irradiance) > 0)) return std::nullopt;
   return direct;
 }

@@ -48,6 +48,13 @@ struct DirectLight {
                       ///< scattering cannot meet
 };
 
+/// Direct light before it is known what stands in its way.
+struct UnshadowedLight {
+  DirectLight light;
+  Segment
+      shadow;  ///< from the surface to the light: what it lets pass of `light.irradiance` arrives
+};
+
 /// Intensity of `light` in the unit direction `direction`, W / sr. From falloff_begin to the rim of
 /// the cone it falls as 3 s^2 - 2 s^3, s = (cos - cos_rim) / (cos_begin - cos_rim), cos of the
 /// angle to the axis.
@@ -92,6 +99,11 @@ class Lights {
 /// Draws a light point by (u, v) in [0, 1)^2 and a direction from it by (s, t), as SampleDirection
 /// does. The summed channels of `power` are always the same.
 Emission SampleEmission(const Lights& lights, double u, float v, float s, float t);
+
+/// Draws a light point by (u, v). Nothing: it is behind either normal of the surface at `hit` or
+/// faces away.
+std::optional<UnshadowedLight> SampleUnshadowedLight(const Lights& lights, const Hit& hit, float u,
+                                                     float v);
 
 /// Draws a light point by (u, v) and shoots a shadow ray at it from `hit`. Nothing: it is behind
 /// either normal of the surface, faces away or is hidden. Whatever stands between hides, glass too:
