@@ -81,9 +81,26 @@ bool ReadsTreelets(BuilderKind builder) {
          builder == BuilderKind::kAtrbvh;
 }
 
+bool ReadsMortonBits(BuilderKind builder) {
+  return builder != BuilderKind::kBalanced && builder != BuilderKind::kSlidingMidpoint &&
+         builder != BuilderKind::kSweep;
+}
+
+bool ReadsLeafTerm(BuilderKind builder) {
+  return ReadsHeuristic(builder) || builder == BuilderKind::kBalanced;
+}
+
 bool ReadsHeuristic(BuilderKind builder) {
   return ReadsTreelets(builder) || builder == BuilderKind::kHybrid ||
          builder == BuilderKind::kSweep;
+}
+
+std::uint64_t HostBuildBytes(const BuildOptions& options, std::uint64_t photon_count) {
+  if (options.builder == BuilderKind::kLbvh) return 0;
+  // A pair of subtrees for each boundary between photons, the photons three times, their ids in
+  // three orders, and the tree itself.
+  constexpr std::uint64_t kPhotonBytes = 104 + 3 * sizeof(LeafPhoton) + 24;
+  return photon_count * (kPhotonBytes + 2 * sizeof(Node) / options.max_leaf_size);
 }
 
 absl::Status CheckBuildOptions(const BuildOptions& options) {

@@ -78,9 +78,15 @@ std::string HeuristicName(Heuristic heuristic);
 /// Whether siblings of its trees may overlap.
 TreeKind KindOfTree(BuilderKind builder);
 
-/// Whether a builder reads BuildOptions::heuristic, and treelet_size and rounds.
+/// Whether a builder reads morton_bits, heuristic, leaf_term, and treelet_size with rounds.
+bool ReadsMortonBits(BuilderKind builder);
 bool ReadsHeuristic(BuilderKind builder);
+bool ReadsLeafTerm(BuilderKind builder);
 bool ReadsTreelets(BuilderKind builder);
+
+/// Host memory that a device builder takes for a tree of so many photons, beside the photons,
+/// bytes, a little more rather than less; 0 for kinds that it builds on the device.
+std::uint64_t HostBuildBytes(const BuildOptions& options, std::uint64_t photon_count);
 
 /// The part of CheckBuild that needs no photons.
 absl::Status CheckBuildOptions(const BuildOptions& options);

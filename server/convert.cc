@@ -1,9 +1,11 @@
 #include "server/convert.h"
 
 #include <limits>
+#include <utility>
 
 #include "fmt/format.h"
 #include "server/wire_array.h"
+#include "server/wire_build_options.h"
 
 namespace treelight::server {
 namespace {
@@ -12,33 +14,6 @@ namespace {
 bool IsNameCharacter(char c) {
   return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '.' ||
          c == '_' || c == '-';
-}
-
-absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire) {
-  BuildOptions options;
-  switch (wire.builder()) {
-    case v1::BUILDER_KIND_UNSPECIFIED:
-    case v1::BUILDER_KIND_LBVH:
-      options.builder = BuilderKind::kLbvh;
-      break;
-    default:
-      return absl::InvalidArgumentError(
-          fmt::format("options.builder is {}, no such builder", static_cast<int>(wire.builder())));
-  }
-  if (wire.morton_bits() == 63) {
-    options.morton_bits = MortonBits::k63;
-  } else if (wire.morton_bits() != 0 && wire.morton_bits() != 30) {
-    return absl::InvalidArgumentError(
-        fmt::format("options.morton_bits is {}, it must be 30 or 63, or 0 for the default",
-                    wire.morton_bits()));
-  }
-  if (wire.max_leaf_size() > kMaxLeafSize) {
-    return absl::InvalidArgumentError(
-        fmt::format("options.max_leaf_size is {}, it must be in [1, {}], or 0 for the default",
-                    wire.max_leaf_size(), kMaxLeafSize));
-  }
-  if (wire.max_leaf_size() != 0) options.max_leaf_size = wire.max_leaf_size();
-  return options;
 }
 
 absl::StatusOr<DensityKernel> ParseKernel(v1::DensityKernel kernel) {
@@ -87,6 +62,14 @@ absl::Status CheckArrays(const v1::GatherRequest& request, const Limits& limits)
   return status;
 }
 
+absl::StatusOr<std::chrono::milliseconds> ParseTimeToLive(std::string_view field,
+                                                          std::uint64_t milliseconds) {
+  if (milliseconds <= static_cast<std::uint64_t>(kMaxTimeToLive.count()))
+    return std::chrono::milliseconds(milliseconds);
+  return absl::InvalidArgumentError(fmt::format("{} is {}, at most {} (30 days) is possible", field,
+                                                milliseconds, kMaxTimeToLive.count()));
+}
+
 std::int64_t UnixMs(TimePoint time) {
   return std::chrono::duration_cast<std::chrono::milliseconds>(time.time_since_epoch()).count();
 }
@@ -123,11 +106,8 @@ absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const 
                     "build several maps or raise the limit",
                     header.photon_count(), limits.max_photons));
   }
-  if (header.time_to_live_ms() > static_cast<std::uint64_t>(kMaxTimeToLive.count())) {
-    return absl::InvalidArgumentError(
-        fmt::format("header.time_to_live_ms is {}, at most {} (30 days) is possible",
-                    header.time_to_live_ms(), kMaxTimeToLive.count()));
-  }
+  const auto time_to_live = ParseTimeToLive("header.time_to_live_ms", header.time_to_live_ms());
+  if (!time_to_live.ok()) return time_to_live.status();
   const auto options = ParseBuildOptions(header.options());
   if (!options.ok()) return options.status();
   return BuildPlan{.name = header.name(),
@@ -135,8 +115,28 @@ absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const 
                    .has_powers = header.has_powers(),
                    .has_directions = header.has_directions(),
                    .options = *options,
-                   .time_to_live = std::chrono::milliseconds(header.time_to_live_ms()),
+                   .time_to_live = *time_to_live,
                    .request_id = header.request_id()};
+}
+
+absl::StatusOr<BuildPlan> ParseRebuild(const v1::RebuildPhotonMapRequest& request,
+                                       const StoredMap& source) {
+  for (const auto& [field, name] : {std::pair{"new_name", &request.new_name()},
+                                    std::pair{"request_id", &request.request_id()}}) {
+    if (name->empty()) continue;
+    if (auto status = CheckName(field, *name); !status.ok()) return status;
+  }
+  const auto time_to_live = ParseTimeToLive("time_to_live_ms", request.time_to_live_ms());
+  if (!time_to_live.ok()) return time_to_live.status();
+  const auto options = ParseBuildOptions(request.options());
+  if (!options.ok()) return options.status();
+  return BuildPlan{.name = request.new_name().empty() ? source.name : request.new_name(),
+                   .photon_count = source.gatherer->photon_count(),
+                   .has_powers = source.gatherer->has_powers(),
+                   .has_directions = source.gatherer->has_directions(),
+                   .options = *options,
+                   .time_to_live = *time_to_live,
+                   .request_id = request.request_id()};
 }
 
 GatherQueries GatherBatch::queries(std::size_t first, std::size_t last) const {
@@ -174,16 +174,9 @@ v1::PhotonMap ToWire(const StoredMap& map) {
   wire.set_photon_count(map.gatherer->photon_count());
   wire.set_has_powers(map.gatherer->has_powers());
   wire.set_has_directions(map.gatherer->has_directions());
-  wire.mutable_options()->set_builder(v1::BUILDER_KIND_LBVH);
-  wire.mutable_options()->set_morton_bits(static_cast<std::uint32_t>(map.options.morton_bits));
-  wire.mutable_options()->set_max_leaf_size(map.options.max_leaf_size);
-  v1::TreeStatistics& statistics = *wire.mutable_statistics();
-  statistics.set_node_count(report.tree.node_count);
-  statistics.set_leaf_count(report.tree.leaf_count);
-  statistics.set_depth(report.tree.depth);
-  statistics.set_mean_leaf_depth(report.tree.mean_leaf_depth);
-  statistics.set_leaf_fill(report.tree.leaf_fill);
-  statistics.set_sah_cost(report.tree.sah_cost);
+  *wire.mutable_options() = ToWire(map.options, report);
+  *wire.mutable_statistics() = ToWire(report, map.options.builder);
+  wire.set_builder(report.builder);
   for (const StageTime& stage : report.stages) {
     v1::StageTime& time = *wire.add_build_stages();
     time.set_stage(stage.stage);

@@ -42,6 +42,10 @@ struct BuildPlan {
 
 absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const Limits& limits);
 
+/// The plan of another map from the photons of `source`.
+absl::StatusOr<BuildPlan> ParseRebuild(const v1::RebuildPhotonMapRequest& request,
+                                       const StoredMap& source);
+
 /// A batch of queries that owns its arrays.
 struct GatherBatch {
   std::vector<float> positions;  ///< [3m]

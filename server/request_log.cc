@@ -5,6 +5,7 @@
 
 #include "fmt/chrono.h"
 #include "fmt/format.h"
+#include "google/protobuf/util/json_util.h"
 #include "nlohmann/json.hpp"
 #include "spdlog/async.h"
 #include "spdlog/sinks/stdout_sinks.h"
@@ -29,6 +30,15 @@ nlohmann::ordered_json FormatRadius(float radius) {
   return std::isnan(radius) ? "nan" : radius > 0 ? "inf" : "-inf";
 }
 
+/// The fields of `message` that are not 0, as photon_map.proto names them.
+nlohmann::ordered_json FormatMessage(const google::protobuf::Message& message) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  std::string text;
+  if (!google::protobuf::util::MessageToJsonString(message, &text, options).ok()) return {};
+  return nlohmann::ordered_json::parse(text);
+}
+
 template <typename T>
 void Set(nlohmann::ordered_json& json, const char* key, const std::optional<T>& value) {
   if (value) json[key] = *value;
@@ -46,6 +56,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   if (!record.map.empty()) json["map"] = record.map;
   if (record.version != 0) json["version"] = record.version;
   Set(json, "photons", record.photons);
+  Set(json, "source", record.source);
   Set(json, "queries", record.queries);
   Set(json, "batch_id", record.batch_id);
   Set(json, "k", record.k);
@@ -65,6 +76,8 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   json["serialise_us"] = Rounded(times.serialise_us());
   json["total_us"] = Rounded(times.total_us());
   if (record.device_us) json["device_us"] = Rounded(*record.device_us);
+  if (record.options) json["options"] = FormatMessage(*record.options);
+  if (record.tree) json["tree"] = FormatMessage(*record.tree);
   for (const StageTime& stage : record.stages) {
     json["stages_us"][stage.stage] = Rounded(stage.microseconds);
   }

@@ -25,7 +25,8 @@ struct RequestRecord {
   std::string peer;
   std::string map;
   std::uint64_t version = 0;             ///< 0: none answered
-  std::optional<std::uint64_t> photons;  ///< announced by a build
+  std::optional<std::uint64_t> photons;  ///< of a build, as announced
+  std::optional<std::string> source;     ///< of a rebuild: "NAME@VERSION"
   std::optional<std::uint64_t> queries;
   std::optional<std::uint64_t> batch_id;
   std::optional<std::uint32_t> k;
@@ -38,7 +39,10 @@ struct RequestRecord {
   /// Wall time for which it held the device, also where it failed there and `timings` has no parts
   /// of it.
   std::optional<double> device_us;
-  std::vector<StageTime> stages;  ///< of a build
+  /// Of a build: as asked for; once there is a map, as used.
+  std::optional<v1::BuildOptions> options;
+  std::optional<v1::TreeStatistics> tree;  ///< that was built
+  std::vector<StageTime> stages;           ///< of a build
   std::optional<std::uint64_t>
       nodes_visited;  ///< sum over the batch, where STATISTICS was asked for
   std::optional<std::uint64_t> distance_tests;

@@ -8,6 +8,7 @@
 #include "server/catalogue.h"
 #include "server/gather_call.h"
 #include "server/gather_stream.h"
+#include "server/rebuild_call.h"
 
 namespace treelight::server {
 namespace {
@@ -50,6 +51,12 @@ class QuickCall final : public grpc::ServerUnaryReactor {
 grpc::ServerReadReactor<v1::BuildPhotonMapRequest>* PhotonMapService::BuildPhotonMap(
     grpc::CallbackServerContext* context, v1::BuildPhotonMapResponse* response) {
   return new BuildCall(state_, *context, *response);
+}
+
+grpc::ServerUnaryReactor* PhotonMapService::RebuildPhotonMap(
+    grpc::CallbackServerContext* context, const v1::RebuildPhotonMapRequest* request,
+    v1::BuildPhotonMapResponse* response) {
+  return new RebuildCall(state_, *context, *request, *response);
 }
 
 grpc::ServerUnaryReactor* PhotonMapService::Gather(grpc::CallbackServerContext* context,

@@ -15,6 +15,9 @@ class PhotonMapService final : public v1::PhotonMapService::CallbackService {
 
   grpc::ServerReadReactor<v1::BuildPhotonMapRequest>* BuildPhotonMap(
       grpc::CallbackServerContext* context, v1::BuildPhotonMapResponse* response) override;
+  grpc::ServerUnaryReactor* RebuildPhotonMap(grpc::CallbackServerContext* context,
+                                             const v1::RebuildPhotonMapRequest* request,
+                                             v1::BuildPhotonMapResponse* response) override;
   grpc::ServerUnaryReactor* Gather(grpc::CallbackServerContext* context,
                                    const v1::GatherRequest* request,
                                    v1::GatherResponse* response) override;

@@ -45,14 +45,13 @@ absl::Status CheckNumbers(std::string_view field, const std::vector<float>& arra
 }  // namespace
 
 absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
-                             std::uint64_t bytes_used) {
+                             std::uint64_t bytes_used, std::string_view what) {
   const std::uint64_t buffer_bytes = plan.photon_count * sizeof(LeafPhoton);
   if (buffer_bytes > device.max_buffer_bytes) {
     return absl::ResourceExhaustedError(
-        fmt::format("header.photon_count is {}: a buffer of {} bytes, the largest of device '{}' "
-                    "is {}, {} photons; "
+        fmt::format("{}: a buffer of {} bytes, the largest of device '{}' is {}, {} photons; "
                     "build several maps",
-                    plan.photon_count, buffer_bytes, device.name, device.max_buffer_bytes,
+                    what, buffer_bytes, device.name, device.max_buffer_bytes,
                     device.max_buffer_bytes / sizeof(LeafPhoton)));
   }
   const std::uint64_t needed = buffer_bytes +
@@ -61,18 +60,20 @@ absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
   const std::uint64_t room = device.memory_bytes - std::min(device.memory_bytes, bytes_used);
   if (needed > room) {
     return absl::ResourceExhaustedError(
-        fmt::format("header.photon_count is {}: at least {} bytes, device '{}' has {} of which "
-                    "maps hold {}; delete "
-                    "maps or build a smaller one",
-                    plan.photon_count, needed, device.name, device.memory_bytes, bytes_used));
+        fmt::format("{}: at least {} bytes, device '{}' has {} of which maps hold {}; delete maps "
+                    "or build a smaller one",
+                    what, needed, device.name, device.memory_bytes, bytes_used));
   }
   return absl::OkStatus();
 }
 
+std::uint64_t PhotonBytes(const BuildPlan& plan) {
+  return plan.photon_count * (kPositionBytes + (plan.has_powers ? kPowerBytes : 0) +
+                              (plan.has_directions ? kDirectionBytes : 0));
+}
+
 std::uint64_t UploadBytes(const BuildPlan& plan, const Limits& limits) {
-  const std::uint64_t photon_bytes = kPositionBytes + (plan.has_powers ? kPowerBytes : 0) +
-                                     (plan.has_directions ? kDirectionBytes : 0);
-  return plan.photon_count * photon_bytes + limits.max_message_bytes;
+  return PhotonBytes(plan) + limits.max_message_bytes;
 }
 
 std::uint64_t MapBytes(const BuildPlan& plan) {

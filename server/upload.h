@@ -2,6 +2,7 @@
 #define TREELIGHT_SERVER_UPLOAD_H_
 
 #include <cstdint>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "core/model/photons.h"
@@ -9,11 +10,14 @@
 
 namespace treelight::server {
 
-/// Refuses a map that the device cannot hold: its photons, 16 B each in one buffer, larger than the
-/// largest buffer, or with powers and directions larger than the memory that `bytes_used` of other
-/// maps leave. RESOURCE_EXHAUSTED.
+/// Refuses a map that the device cannot hold, `what` beginning the message: its photons, 16 B each
+/// in one buffer, larger than the largest buffer, or with powers and directions larger than the
+/// memory that `bytes_used` of other maps leave. RESOURCE_EXHAUSTED.
 absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
-                             std::uint64_t bytes_used);
+                             std::uint64_t bytes_used, std::string_view what);
+
+/// Host memory of the photons of `plan`, bytes.
+std::uint64_t PhotonBytes(const BuildPlan& plan);
 
 /// Host memory of an upload, bytes: its arrays, and the message that arrives.
 std::uint64_t UploadBytes(const BuildPlan& plan, const Limits& limits);

@@ -2,8 +2,12 @@
 
 namespace treelight::server {
 
-Work Work::Build(std::uint64_t photon_count) {
-  return {.kind = Kind::kBuild, .items = photon_count};
+Work Work::Build(std::uint64_t photon_count, BuilderKind builder) {
+  const Kind kind = builder == BuilderKind::kLbvh     ? Kind::kBuildLbvh
+                    : builder == BuilderKind::kHybrid ? Kind::kBuildHybrid
+                    : ReadsTreelets(builder)          ? Kind::kBuildTreelets
+                                                      : Kind::kBuildTopDown;
+  return {.kind = kind, .items = photon_count};
 }
 
 Work Work::Gather(std::uint32_t k, std::uint64_t query_count) {

@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/builder.h"
+
 namespace treelight::server {
 
 /// What a job asks of the device.
@@ -12,15 +14,18 @@ struct Work {
   /// Jobs of one kind take about the same time for each item.
   enum class Kind {
     kOther,
-    kBuild,
+    kBuildLbvh,
+    kBuildTreelets,
+    kBuildHybrid,
+    kBuildTopDown,
     kGatherCapped8,
     kGatherCapped128,
     kGatherCapped4096,
     kGatherAll
   };
-  static constexpr std::size_t kKindCount = 6;
+  static constexpr std::size_t kKindCount = 9;
 
-  static Work Build(std::uint64_t photon_count);
+  static Work Build(std::uint64_t photon_count, BuilderKind builder = BuilderKind::kLbvh);
   static Work Gather(std::uint32_t k, std::uint64_t query_count);
 
   Kind kind = Kind::kOther;

@@ -7,6 +7,7 @@
 #include "server/address.h"
 #include "server/answer.h"
 #include "server/upload.h"
+#include "server/wire_build_options.h"
 #include "tests/server_fixture.h"
 
 namespace treelight::server {
@@ -39,7 +40,14 @@ TEST(ParseBuildHeaderTest, TakesAGoodOneAndFillsDefaults) {
   EXPECT_EQ(plan->photon_count, 10u);
   EXPECT_TRUE(plan->has_powers);
   EXPECT_EQ(plan->options.morton_bits, MortonBits::k63);
+  EXPECT_EQ(plan->options.builder, BuilderKind::kLbvh);
   EXPECT_EQ(plan->options.max_leaf_size, 16u);
+  EXPECT_EQ(plan->options.heuristic, Heuristic::kIsa);
+  EXPECT_EQ(plan->options.leaf_term, LeafTerm::kLeafSize);
+  EXPECT_EQ(plan->options.treelet_size, 7u);
+  EXPECT_EQ(plan->options.rounds, 3u);
+  EXPECT_EQ(plan->options.radius, 0);
+  EXPECT_EQ(plan->options.subtree_size, 256u);
   EXPECT_EQ(plan->time_to_live, std::chrono::milliseconds(5));
 }
 
@@ -72,6 +80,92 @@ TEST(ParseBuildHeaderTest, EachErrorNamesFieldAndValue) {
               h.mutable_options()->set_builder(static_cast<v1::BuilderKind>(99));
             }),
             "INVALID_ARGUMENT: options.builder is 99, no such builder");
+}
+
+/// What ParseBuildOptions says of the options of `builder` after `change`.
+template <typename Change>
+std::string OptionError(v1::BuilderKind builder, Change change) {
+  v1::BuildOptions options;
+  options.set_builder(builder);
+  change(options);
+  return ParseBuildOptions(options).status().ToString();
+}
+
+TEST(ParseBuildOptionsTest, EachErrorNamesFieldAndValue) {
+  const auto treelet = v1::BUILDER_KIND_TREELET, trbvh = v1::BUILDER_KIND_TRBVH;
+  EXPECT_EQ(OptionError(treelet, [](auto& o) { o.set_treelet_size(17); }),
+            "INVALID_ARGUMENT: options.treelet_size is 17, it must be in [3, 16], or 0 for the "
+            "default");
+  EXPECT_EQ(OptionError(trbvh, [](auto& o) { o.set_treelet_size(10); }),
+            "INVALID_ARGUMENT: options.treelet_size is 10, it must be in [3, 9], or 0 for the "
+            "default");
+  EXPECT_EQ(OptionError(treelet, [](auto& o) { o.set_rounds(9); }),
+            "INVALID_ARGUMENT: options.rounds is 9, it must be in [1, 8], or 0 for the default");
+  EXPECT_EQ(OptionError(treelet, [](auto& o) { o.set_radius(-1); }),
+            "INVALID_ARGUMENT: options.radius is -1, it must be in [0, 1e+18], or 0 for the "
+            "default");
+  EXPECT_EQ(OptionError(treelet, [](auto& o) { o.set_radius(NAN); }),
+            "INVALID_ARGUMENT: options.radius is nan, it must be in [0, 1e+18], or 0 for the "
+            "default");
+  EXPECT_EQ(OptionError(v1::BUILDER_KIND_HYBRID,
+                        [](auto& o) {
+                          o.set_max_leaf_size(32);
+                          o.set_subtree_size(31);
+                        }),
+            "INVALID_ARGUMENT: options.subtree_size is 31, it must be in [32, 4096], or 0 for the "
+            "default");
+  EXPECT_EQ(OptionError(treelet, [](auto& o) { o.set_heuristic(static_cast<v1::Heuristic>(4)); }),
+            "INVALID_ARGUMENT: options.heuristic is 4, no such heuristic");
+  EXPECT_EQ(OptionError(treelet, [](auto& o) { o.set_leaf_term(static_cast<v1::LeafTerm>(3)); }),
+            "INVALID_ARGUMENT: options.leaf_term is 3, no such leaf_term");
+}
+
+TEST(ParseBuildOptionsTest, WhatABuilderDoesNotReadIsIgnored) {
+  EXPECT_EQ(OptionError(v1::BUILDER_KIND_LBVH, [](auto& o) { o.set_rounds(9); }), "OK");
+  EXPECT_EQ(OptionError(v1::BUILDER_KIND_TREELET, [](auto& o) { o.set_subtree_size(1); }), "OK");
+}
+
+// Every builder of the wire, with every field that it reads, comes back as it went.
+TEST(ParseBuildOptionsTest, OptionsComeBackAsTheyWent) {
+  for (int builder = v1::BUILDER_KIND_LBVH; builder <= v1::BuilderKind_MAX; ++builder) {
+    v1::BuildOptions all;
+    all.set_builder(static_cast<v1::BuilderKind>(builder));
+    all.set_morton_bits(63);
+    all.set_max_leaf_size(8);
+    all.set_heuristic(v1::HEURISTIC_VVH);
+    all.set_leaf_term(v1::LEAF_TERM_NONE);
+    all.set_treelet_size(9);
+    all.set_rounds(2);
+    all.set_radius(0.5f);
+    all.set_subtree_size(1024);
+    const auto options = ParseBuildOptions(all);
+    ASSERT_TRUE(options.ok()) << options.status();
+    BuildReport report;
+    report.radius = 0.5f;
+    const auto back = ToWire(*options, report);
+    EXPECT_EQ(back.builder(), all.builder());
+    EXPECT_EQ(back.max_leaf_size(), 8u);
+    EXPECT_EQ(back.radius(), 0.5f);
+    const auto again = ParseBuildOptions(back);
+    ASSERT_TRUE(again.ok()) << again.status();
+    EXPECT_EQ(BuilderName(*again), BuilderName(*options));
+    EXPECT_EQ(back.heuristic(),
+              ReadsHeuristic(options->builder) ? v1::HEURISTIC_VVH : v1::HEURISTIC_UNSPECIFIED);
+    EXPECT_EQ(back.rounds(), ReadsTreelets(options->builder) ? 2u : 0u);
+    EXPECT_EQ(back.morton_bits(), ReadsMortonBits(options->builder) ? 63u : 0u);
+    EXPECT_EQ(back.subtree_size(), options->builder == BuilderKind::kHybrid ? 1024u : 0u);
+  }
+}
+
+// Compatibility: the bytes of a client that knows fields 1 to 3 alone.
+TEST(ParseBuildOptionsTest, AnOldClientGetsTheDefaults) {
+  v1::BuildOptions options;
+  ASSERT_TRUE(options.ParseFromString(std::string("\x08\x01\x10\x3f\x18\x08", 6)));
+  const auto parsed = ParseBuildOptions(options);
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  EXPECT_EQ(parsed->builder, BuilderKind::kLbvh);
+  EXPECT_EQ(parsed->morton_bits, MortonBits::k63);
+  EXPECT_EQ(parsed->max_leaf_size, 8u);
 }
 
 /// What Upload says of two chunks of two photons each, the second after `change`.
@@ -156,14 +250,15 @@ TEST(CheckDeviceRoomTest, NamesTheBufferAndTheMemory) {
   device.name = "d";
   device.memory_bytes = 10'000;
   device.max_buffer_bytes = 1599;
+  const std::string what = "header.photon_count is 100";
   EXPECT_EQ(
-      CheckDeviceRoom(plan, device, 0).ToString(),
+      CheckDeviceRoom(plan, device, 0, what).ToString(),
       "RESOURCE_EXHAUSTED: header.photon_count is 100: a buffer of 1600 bytes, the largest of "
       "device 'd' is 1599, 99 photons; build several maps");
   device.max_buffer_bytes = 1600;
-  EXPECT_TRUE(CheckDeviceRoom(plan, device, 7200).ok());
+  EXPECT_TRUE(CheckDeviceRoom(plan, device, 7200, what).ok());
   EXPECT_EQ(
-      CheckDeviceRoom(plan, device, 7201).ToString(),
+      CheckDeviceRoom(plan, device, 7201, what).ToString(),
       "RESOURCE_EXHAUSTED: header.photon_count is 100: at least 2800 bytes, device 'd' has 10000 "
       "of which maps hold 7201; delete maps or build a smaller one");
 }

@@ -51,5 +51,44 @@ TEST_F(ServiceLogTest, TheLogTellsWhatTheAnswerTells) {
   EXPECT_NEAR(log["total_us"].get<double>(), response.timings().total_us(), 0.06);
 }
 
+TEST_F(ServiceLogTest, ABuildIsLoggedWithItsOptionsAndItsTree) {
+  Start(MakeCpuBuilder());
+  auto upload = MakeUpload("judged", MakePhotons(1000, 1));
+  v1::BuildOptions& options = *upload[0].mutable_header()->mutable_options();
+  options.set_builder(v1::BUILDER_KIND_TREELET);
+  options.set_max_leaf_size(8);
+  options.set_rounds(1);
+  v1::BuildPhotonMapResponse response;
+  ASSERT_TRUE(Build(*stub_, upload, response).ok());
+  EXPECT_EQ(response.map().builder(), "treelet");
+  EXPECT_GT(response.map().options().radius(), 0);  // was sampled
+  EXPECT_GT(response.map().statistics().isa_cost(), response.map().statistics().sah_cost());
+  EXPECT_EQ(response.map().statistics().kind(), v1::TREE_KIND_KD_TREE);
+  const auto log = LogOf("BuildPhotonMap");
+  EXPECT_EQ(log["options"]["builder"], "BUILDER_KIND_TREELET");
+  EXPECT_EQ(log["options"]["heuristic"], "HEURISTIC_ISA");
+  EXPECT_EQ(log["options"]["max_leaf_size"], 8);
+  EXPECT_EQ(log["options"]["treelet_size"], 7);
+  EXPECT_EQ(log["options"]["rounds"], 1);
+  EXPECT_EQ(log["tree"]["leaf_count"], response.map().statistics().leaf_count());
+  EXPECT_EQ(log["tree"]["isa_cost"], response.map().statistics().isa_cost());
+  EXPECT_TRUE(log["stages_us"].contains("tree"));
+}
+
+TEST_F(ServiceLogTest, ARefusedBuildIsLoggedWithWhatItAskedFor) {
+  StartGated();
+  auto upload = MakeUpload("refused", MakePhotons(10, 1));
+  v1::BuildOptions& options = *upload[0].mutable_header()->mutable_options();
+  options.set_builder(v1::BUILDER_KIND_HYBRID);
+  options.set_subtree_size(5000);
+  v1::BuildPhotonMapResponse response;
+  const grpc::Status status = Build(*stub_, upload, response);
+  EXPECT_EQ(status.error_message(),
+            "options.subtree_size is 5000, it must be in [16, 4096], or 0 for the default");
+  const auto log = LogOf("BuildPhotonMap");
+  EXPECT_EQ(log["options"]["subtree_size"], 5000);
+  EXPECT_FALSE(log.contains("tree"));
+}
+
 }  // namespace
 }  // namespace treelight::testing

@@ -1,0 +1,155 @@
+#include "server/build_job.h"
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "server/guard.h"
+#include "server/upload.h"
+
+namespace treelight::server {
+
+BuildJob::BuildJob(State& state, grpc::CallbackServerContext& context, std::string_view method,
+                   v1::BuildPhotonMapResponse& response)
+    : state_(state),
+      response_(response),
+      call_(state, context, method),
+      record_(call_.NewRecord()) {
+  record_.device = state.device_name();
+}
+
+absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
+                             std::string_view what) {
+  plan_ = plan;
+  if (!plan_.request_id.empty()) record_.request_id = plan_.request_id;
+  if (!state_.options.devices.empty()) {
+    const auto room = CheckDeviceRoom(plan_, state_.options.devices[state_.options.device_index],
+                                      DeviceBytes(state_.store.List()), what);
+    if (!room.ok()) return room;
+  }
+  if (auto status = state_.device_queue.Check(Ask()); !status.ok()) return status;
+  const auto retry_delay = state_.device_queue.RetryDelay();
+  auto slot = state_.build_slots.Take(retry_delay);
+  if (!slot.ok()) return slot.status();
+  slot_ = *std::move(slot);
+  const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
+  const std::uint64_t work_bytes = HostBuildBytes(plan_.options, plan_.photon_count);
+  auto memory = state_.memory.Take(Holder::kUploads, photon_bytes + work_bytes + map_bytes, what,
+                                   retry_delay);
+  if (!memory.ok()) return memory.status();
+  photon_memory_ = *std::move(memory);
+  map_memory_ = photon_memory_.Split(Holder::kMaps, map_bytes);
+  return absl::OkStatus();
+}
+
+bool BuildJob::AnsweredByAnEarlierCall() {
+  if (known_ == nullptr) known_ = state_.store.FindRequest(plan_.request_id);
+  return known_ != nullptr;
+}
+
+DeviceAsk BuildJob::Ask() const {
+  return {.work = Work::Build(plan_.photon_count, plan_.options.builder),
+          .deadline = call_.deadline()};
+}
+
+void BuildJob::Submit(PhotonSource photons, std::function<void(const absl::Status&)> done) {
+  if (AnsweredByAnEarlierCall()) {
+    Answer(known_);
+    return done(absl::OkStatus());
+  }
+  // The queue copies its jobs, photons are moved.
+  const auto source = std::make_shared<PhotonSource>(std::move(photons));
+  const auto submitted = state_.device_queue.Submit(
+      [this] { return call_.Alive(); },
+      [this, source, done](const absl::Status& turn, double queue_us) {
+        record_.timings.set_queue_us(queue_us);
+        if (!turn.ok()) return done(turn);
+        const Stopwatch held;
+        const absl::Status status = Guard([&] { return Build(*source); });
+        record_.device_us = held.microseconds();
+        done(status);
+      },
+      Ask());
+  if (!submitted.ok()) done(submitted);
+}
+
+absl::Status BuildJob::Build(const PhotonSource& photons) {
+  // The first call with this id may have been built while this one waited: one device, one build at
+  // a time.
+  if (AnsweredByAnEarlierCall()) {
+    Answer(known_);
+    return absl::OkStatus();
+  }
+  auto gatherer = BuildMap(photons);
+  if (!gatherer.ok()) return call_.Explain(gatherer.status());
+  if (auto status = call_.Alive(); !status.ok())
+    return status;  // a call that fails changes nothing
+  StoredMap map{.name = plan_.name,
+                .version = 0,
+                .request_id = plan_.request_id,
+                .options = plan_.options,
+                .gatherer = *std::move(gatherer),
+                .created = std::chrono::system_clock::now(),
+                .expires = {},
+                .memory = std::move(map_memory_)};
+  if (state_.maps_in_host_memory()) map.memory.Resize(map.gatherer->report().device_bytes);
+  if (plan_.time_to_live.count() > 0) map.expires = map.created + plan_.time_to_live;
+  Answer(state_.store.Add(std::move(map)));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource& photons) {
+  const Stopwatch reading;
+  auto read = photons();
+  if (!read.ok()) return read.status();
+  photons_ = *std::move(read);
+  v1::Timings& timings = record_.timings;
+  timings.set_download_us(reading.microseconds());
+  auto gatherer = state_.builder->Build(photons_, plan_.options, call_.cancelled());
+  if (!gatherer.ok()) return gatherer.status();
+  record_.stages = (*gatherer)->report().stages;
+  for (const StageTime& stage : record_.stages) {
+    if (stage.stage == "upload") {
+      timings.set_upload_us(timings.upload_us() + stage.microseconds);
+    } else if (stage.stage == "download") {
+      timings.set_download_us(timings.download_us() + stage.microseconds);
+    } else {
+      timings.set_kernel_us(timings.kernel_us() + stage.microseconds);
+    }
+  }
+  return gatherer;
+}
+
+void BuildJob::Answer(const MapHandle& map) {
+  const Stopwatch watch;
+  *response_.mutable_map() = ToWire(*map);
+  record_.map = map->name;
+  record_.version = map->version;
+  record_.options = response_.map().options();
+  record_.tree = response_.map().statistics();
+  record_.device = map->gatherer->report().device;
+  record_.timings.set_serialise_us(watch.microseconds());
+  record_.timings.set_total_us(watch_.microseconds());
+  *response_.mutable_timings() = record_.timings;
+  record_.bytes_out = response_.ByteSizeLong();
+}
+
+/// Gives back what the build has taken, before its client learns that it is over.
+void BuildJob::Release(std::shared_ptr<void> rest) {
+  // Freeing many photons takes too long for a thread of gRPC. The memory is given back after it.
+  const std::size_t bytes = std::max(record_.bytes_in, plan_.photon_count * sizeof(Vec3));
+  state_.RunOnCpu(bytes, [memory = std::move(photon_memory_), photons = std::move(photons_),
+                          rest = std::move(rest)] {});
+  map_memory_ = {};
+  slot_ = {};
+}
+
+grpc::Status BuildJob::End(const absl::Status& status, std::shared_ptr<void> rest) {
+  if (!status.ok()) record_.timings.set_total_us(watch_.microseconds());
+  call_.Log(record_, status);
+  Release(std::move(rest));
+  return call_.End(status);
+}
+
+}  // namespace treelight::server
