@@ -7,6 +7,8 @@
 #include <span>
 
 #include "client/render/branches.h"
+#include "client/scenes/vector.h"
+#include "client/trace/dielectric.h"
 #include "client/trace/random.h"
 #include "client/trace/scatter.h"
 #include "client/trace/targets.h"
@@ -20,6 +22,11 @@ constexpr std::size_t kSamplesPerTask = 4 * kPacketSize;
 constexpr std::uint32_t kMaxGatherSurfaces = 64;
 /// Diffuse surfaces among them: a corner is left after few bounces.
 constexpr std::uint32_t kMaxNearBounces = 4;
+/// Rays by the diffuse lobe that look for lamps, on average: at a diffuse hit without gather rays,
+/// and where a gather ray ends. They are for what lies next to a lamp, hence few.
+constexpr float kLampRaysAtHit = 0.25f, kLampRaysAtEnd = 0.125f;
+/// Panes that such a ray passes.
+constexpr int kMaxPanes = 64;
 
 class CameraTask {
  public:
@@ -84,6 +91,12 @@ class CameraTask {
 
   std::uint32_t sample() const { return static_cast<std::uint32_t>(batch_.radiance.size() - 1); }
   std::uint32_t shadow_rays() const { return options_.light_strata * options_.light_strata; }
+  /// Rays by the diffuse lobe that go out from a diffuse hit and may meet lamps.
+  float diffuse_rays() const {
+    if (!lights_.can_be_met()) return 0;
+    return options_.final_gather_rays > 0 ? static_cast<float>(options_.final_gather_rays)
+                                          : kLampRaysAtHit;
+  }
 
   /// Light that was hit; where a lobe chose the way there, weighted against having sampled it.
   void AddEmission(const Branch& branch, const Hit& hit) {
@@ -102,6 +115,10 @@ class CameraTask {
       batch_.diffuse_hits.Add(hit, sample(), std::numbers::inv_pi_v<float> * reflected);
       for (std::uint32_t i = 0; i < options_.final_gather_rays; ++i)
         FinalGather(branch, hit, i, random);
+      if (options_.final_gather_rays == 0) {
+        batch_.radiance.back() += branch.weight * LampOnDiffuseRay(branch.ray, hit, diffuse_rays(),
+                                                                   shadow_rays(), random);
+      }
     }
     if (lights_.empty()) return;
 
@@ -117,16 +134,19 @@ class CameraTask {
     batch_.rays += count;
   }
 
-  /// Adds the light of the light point that (u, v) draws, one of `count`. Diffusely scattered rays
-  /// are not followed to lights, lobes are.
+  /// Adds the light of the light point that (u, v) draws, one of `count`. Rays by the diffuse lobe
+  /// and by the glossy one meet lamps too: each part has a weight of its own against that.
   void AddDirectLight(const Branch& branch, const Hit& hit, float u, float v, float count) {
     const auto sampled = SampleUnshadowedLight(lights_, hit, u, v);
     if (!sampled) return;
     const DirectLight& light = sampled->light;
-    Rgb scattered = EvaluateScattering(branch.ray, hit, light.direction, Lobes::kDiffuse).value;
+    const ScatterValue diffuse =
+        EvaluateScattering(branch.ray, hit, light.direction, Lobes::kDiffuse);
     const ScatterValue lobe =
         EvaluateScattering(branch.ray, hit, light.direction, Lobes::kSpecular);
-    scattered += BalanceWeight(count * light.density, lobe.density) * lobe.value;
+    const float density = count * light.density;
+    const Rgb scattered = BalanceWeight(density, diffuse_rays() * diffuse.density) * diffuse.value +
+                          BalanceWeight(density, lobe.density) * lobe.value;
     const Rgb radiance = (1 / count) * (branch.weight * scattered * light.irradiance);
     if (!(MaxChannel(radiance) > 0)) return;
     shadow_rays_.push_back({sampled->shadow, sample(), radiance});
@@ -144,11 +164,47 @@ class CameraTask {
     shadow_rays_.clear();
   }
 
+  /// Radiance back along `ray` by a lamp that a ray of the diffuse lobe at `hit` meets, straight or
+  /// through panes. That ray is shot with probability `rays`, beside `light_samples` shadow rays:
+  /// with those alone there would be rare and very bright samples next to a lamp, as nothing limits
+  /// how much a point of it gives; of this ray the radiance of the lamp does.
+  Rgb LampOnDiffuseRay(const Ray& ray, const Hit& hit, float rays, std::uint32_t light_samples,
+                       RandomStream& random) {
+    const float choice = random.Uniform(), u = random.Uniform(), v = random.Uniform();
+    if (!(choice < rays)) return {};
+    const auto scattering = SampleScattering(ray, hit, PathFrom::kCamera, u, v, Lobes::kDiffuse);
+    if (!scattering) return {};
+    Rgb weight = (1 / rays) * scattering->weight;
+    Hit from = hit;
+    float travelled = 0;
+    for (int panes = 0; panes < kMaxPanes; ++panes) {
+      const Ray onward = LeaveSurface(from, scattering->direction);
+      ++batch_.rays;
+      const auto met = intersector_.Intersect(onward);
+      if (!met) return {};
+      travelled += met->distance;
+      const Material& material = *met->material;
+      if (met->front && MaxChannel(material.emission) > 0) {
+        const float light_density = lights_.Density(*met, onward.direction, travelled);
+        return BalanceWeight(rays * scattering->density,
+                             static_cast<float>(light_samples) * light_density) *
+               (weight * material.emission);
+      }
+      if (material.surface != Surface::kPane) return {};
+      weight = weight * SplitAtPane(-Dot(onward.direction, met->normal), material.ior,
+                                    material.transmittance)
+                            .passed;
+      from = *met;
+    }
+    return {};
+  }
+
   /// Sends gather ray `index` out from a diffuse hit and follows it to where photons are looked up.
   ///
-  /// Light on the diffuse hit is L (S|D)* D S* D, so the ray goes through specular surfaces. What
-  /// it sees of lights is direct light or a caustic, which have their own estimates, unless panes
-  /// alone reflected it there: that light is in the indirect set, and sampled by nothing else here.
+  /// Light on the diffuse hit is L (S|D)* D S* D, so the ray goes through specular surfaces. A lamp
+  /// that it meets straight is direct light, weighted against having sampled it. Other lamps are
+  /// caustics, or lit what it came by, which have their own estimates, unless panes alone reflected
+  /// it there: that light is in the indirect set, and sampled by nothing else here.
   void FinalGather(const Branch& branch, const Hit& from, std::uint32_t index,
                    RandomStream& random) {
     const std::uint32_t rays = options_.final_gather_rays;
@@ -163,6 +219,7 @@ class CameraTask {
     Rgb weight = (1 / static_cast<float>(rays)) * branch.weight;
     const float begin_weight = MaxChannel(weight);
     float travelled = 0, radiance_scale = 1;
+    float density = scattering ? scattering->density : 0;  // 0: no longer straight from `from`
     std::uint32_t near_bounces = 0;
     bool focussed = false, reflected_by_pane = false;  // since the last diffuse surface
     for (std::uint32_t surface = 0; scattering && surface < kMaxGatherSurfaces; ++surface) {
@@ -177,6 +234,12 @@ class CameraTask {
       if (!met) return;
       hit = *met;
       travelled += hit.distance;
+      if (hit.front && density > 0 && MaxChannel(hit.material->emission) > 0) {
+        const float light_density = lights_.Density(hit, ray.direction, travelled);
+        batch_.radiance.back() += BalanceWeight(static_cast<float>(rays) * density,
+                                                static_cast<float>(shadow_rays()) * light_density) *
+                                  (weight * hit.material->emission);
+      }
       if (hit.front && reflected_by_pane && !focussed)
         batch_.radiance.back() += weight * hit.material->emission;
       Lobes onward = Lobes::kSpecular;
@@ -194,6 +257,7 @@ class CameraTask {
       u = random.Uniform(), v = random.Uniform();
       scattering = SampleScattering(ray, hit, PathFrom::kCamera, u, v, onward);
       if (!scattering || scattering->event == Event::kPassage) continue;
+      density = 0;
       if (scattering->event == Event::kDiffuse) {
         travelled = 0;
         focussed = reflected_by_pane = false;
@@ -207,10 +271,13 @@ class CameraTask {
     if (lights_.empty()) return;
     ++batch_.rays;
     const float u = random.Uniform(), v = random.Uniform();
+    const float lamp_rays = lights_.can_be_met() ? kLampRaysAtEnd : 0;
+    batch_.radiance.back() += weight * LampOnDiffuseRay(ray, hit, lamp_rays, 1, random);
     const auto light = SampleDirectLight(intersector_, lights_, hit, u, v);
     if (!light) return;
     const auto scattered = EvaluateScattering(ray, hit, light->direction, Lobes::kDiffuse);
-    batch_.radiance.back() += weight * scattered.value * light->irradiance;
+    batch_.radiance.back() += BalanceWeight(light->density, lamp_rays * scattered.density) *
+                              (weight * scattered.value * light->irradiance);
   }
 
   const Intersector& intersector_;

@@ -46,8 +46,9 @@ struct CameraBatch {
 };
 
 /// Shoots the rays of samples [first, first + count) of `order` and follows them through mirrors
-/// and glass to the diffuse surfaces behind. Light reflected by a glossy lobe is both sampled and
-/// hit by chance, weighted by the balance heuristic (Veach 1997, section 9.2).
+/// and glass to the diffuse surfaces behind. Direct light is both sampled and hit by chance, by a
+/// ray of the glossy lobe and one of the diffuse lobe, or the gather rays, weighted by the balance
+/// heuristic (Veach 1997, section 9.2).
 ///
 /// With final gathering (Jensen 2001, section 9.2) rays go out from each diffuse hit, cosine
 /// weighted and stratified over all samples of the pixel, to the surfaces that light it; their

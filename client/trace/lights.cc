@@ -73,6 +73,7 @@ Lights::Lights(const Scene& scene) {
     weight_ += ChannelSum(power);
     light.last = weight_;
     power_ += power;
+    can_be_met_ = can_be_met_ || light.point == nullptr;
     lights_.push_back(light);
   };
   for (std::size_t i = 0; i < scene.mesh.corners.size(); ++i) {

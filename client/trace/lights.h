@@ -72,6 +72,9 @@ class Lights {
 
   bool empty() const { return lights_.empty(); }
 
+  /// Whether rays can meet a light: some are triangles.
+  bool can_be_met() const { return can_be_met_; }
+
   /// Power of all lights, W: the sum of pi * area * radiance, and of PowerOf.
   const Rgb& power() const { return power_; }
 
@@ -94,6 +97,7 @@ class Lights {
   std::vector<Light> lights_;
   Rgb power_;
   double weight_ = 0;  // summed channels of the power
+  bool can_be_met_ = false;
 };
 
 /// Draws a light point by (u, v) in [0, 1)^2 and a direction from it by (s, t), as SampleDirection
