@@ -2,31 +2,20 @@
 
 #include <utility>
 
+#include "client/connection.h"
 #include "client/photon_map_client_impl.h"
-#include "grpcpp/create_channel.h"
-#include "grpcpp/security/credentials.h"
 
 namespace treelight::client {
-namespace {
-
-// How long one attempt to connect may take, so that a host that swallows packets does not hang the
-// caller.
-constexpr int kConnectTimeoutMs = 5000;
-
-std::shared_ptr<grpc::Channel> Connect(const std::string& target) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(
-      -1);  // the server's limit counts, which may be set higher than the default
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectTimeoutMs);
-  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY,
-                   0);  // a proxy for the web has no use for a server nearby
-  return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
+absl::StatusOr<std::unique_ptr<PhotonMapClient>> PhotonMapClient::Connect(
+    const std::string& target, const ConnectionOptions& options,
+    std::chrono::milliseconds timeout) {
+  auto channel = MakeChannel(target, options);
+  if (!channel.ok()) return channel.status();
+  return std::make_unique<PhotonMapClient>(*std::move(channel), timeout);
 }
 
-}  // namespace
-
 PhotonMapClient::PhotonMapClient(const std::string& target, std::chrono::milliseconds timeout)
-    : PhotonMapClient(Connect(target), timeout) {}
+    : PhotonMapClient(*MakeChannel(target, {}), timeout) {}
 
 PhotonMapClient::PhotonMapClient(std::shared_ptr<grpc::Channel> channel,
                                  std::chrono::milliseconds timeout)

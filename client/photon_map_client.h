@@ -17,6 +17,23 @@
 
 namespace treelight::client {
 
+/// How bytes travel to the server.
+enum class Transport {
+  kPlaintext,  ///< unencrypted: for loopback and Unix sockets
+  kTls,
+};
+
+/// How to reach a server that asks for more than an address.
+struct ConnectionOptions {
+  Transport transport = Transport::kPlaintext;
+  std::string tls_ca{};           ///< PEM file of the CAs of the server; empty: the system's
+  std::string tls_certificate{};  ///< PEM file that shows who calls, with its CAs; empty: none
+  std::string tls_key{};          ///< PEM file of its key
+  std::string token_file{};       ///< one line, as `treelightd token` prints it; empty: none
+  /// Whether the token may go unencrypted to another machine.
+  bool send_token_in_plaintext = false;
+};
+
 /// One version of a map on the server. Version 0 means the newest at the time of the call.
 struct MapRef {
   std::string name{};
@@ -49,7 +66,15 @@ struct GatherAnswer {
 /// message has the limit, what was asked and when to repeat.
 class PhotonMapClient {
  public:
-  /// `target` as gRPC takes it: "127.0.0.1:7543", "unix:/run/treelight.sock". Does not connect yet.
+  /// `target` as gRPC takes it, "127.0.0.1:7543" or "unix:/run/treelight.sock", reached as
+  /// `options` say. Reads their files, and does not connect yet. PERMISSION_DENIED: a file cannot
+  /// be read. INVALID_ARGUMENT: a file is no PEM or no token, a certificate has no key, or the
+  /// token would leave this machine unencrypted.
+  static absl::StatusOr<std::unique_ptr<PhotonMapClient>> Connect(
+      const std::string& target, const ConnectionOptions& options,
+      std::chrono::milliseconds timeout = {});
+
+  /// In plaintext, without a token. Does not connect yet.
   explicit PhotonMapClient(const std::string& target, std::chrono::milliseconds timeout = {});
   /// On a channel of the caller's, an in-process one for example.
   explicit PhotonMapClient(std::shared_ptr<grpc::Channel> channel,

@@ -1,6 +1,7 @@
 #include "client/status.h"
 
 #include <string>
+#include <string_view>
 
 #include "absl/strings/cord.h"
 #include "fmt/format.h"
@@ -13,11 +14,35 @@ namespace {
 
 constexpr const char* kRetryUrl = "type.googleapis.com/google.rpc.RetryInfo";
 
+// What gRPC says of a connection that did not come about, and what it means.
+struct Hint {
+  std::string_view symptom, meaning;
+};
+constexpr Hint kHints[] = {
+    {"certificate verify failed",
+     "the server's certificate is of no CA that is trusted here (--tls-ca), or has expired"},
+    {"is not in peer certificate", "the server's certificate is of another host"},
+    {"wrong version number", "the server speaks no TLS"},
+    {"Socket closed",
+     "it hung up at once: does the server want TLS (--tls-ca), or a certificate (--tls-cert)?"},
+};
+
+// `message` of gRPC, of a connection that failed with what it means.
+std::string Explain(const std::string& message) {
+  if (!message.starts_with("failed to connect to all addresses")) return message;
+  for (const Hint& hint : kHints) {
+    if (message.find(hint.symptom) != std::string::npos) {
+      return fmt::format("{} ({})", hint.meaning, message);
+    }
+  }
+  return message;
+}
+
 }  // namespace
 
 absl::Status ToAbslStatus(const grpc::Status& status) {
   const auto code = static_cast<absl::StatusCode>(status.error_code());
-  absl::Status plain(code, status.error_message());
+  absl::Status plain(code, Explain(status.error_message()));
   google::rpc::Status details;
   if (!details.ParseFromString(status.error_details())) return plain;
   for (const auto& detail : details.details()) {

@@ -1,11 +1,27 @@
 #include "server/active_calls.h"
 
+#include "fmt/format.h"
+#include "server/refusal.h"
+
 namespace treelight::server {
+namespace {
+
+/// How long a call is open is not known; most are short.
+constexpr std::chrono::milliseconds kRetryDelay{500};
+
+}  // namespace
 
 absl::Status ActiveCalls::Enter() {
   const std::lock_guard lock(mutex_);
   ++open_;
   if (closed_) return absl::UnavailableError("the server is stopping and takes no new calls");
+  if (open_ > limit_) {
+    return Refuse(Quota::kCalls,
+                  fmt::format("{} calls are open already, the limit is {} (--max-calls); repeat "
+                              "later, or send more in one call",
+                              open_ - 1, limit_),
+                  kRetryDelay);
+  }
   return absl::OkStatus();
 }
 

@@ -14,7 +14,11 @@ namespace treelight::server {
 /// from several threads at once.
 class ActiveCalls {
  public:
+  /// At most `limit` calls are let in at once.
+  explicit ActiveCalls(std::size_t limit) : limit_(limit) {}
+
   /// Counts a call in; it must Leave(), whatever the answer. UNAVAILABLE: the server drains.
+  /// RESOURCE_EXHAUSTED with Quota::kCalls: as many as are allowed are open.
   absl::Status Enter();
   void Leave();
 
@@ -27,6 +31,7 @@ class ActiveCalls {
   std::size_t WaitForNone(std::chrono::system_clock::time_point deadline);
 
  private:
+  const std::size_t limit_;
   mutable std::mutex mutex_;
   std::condition_variable none_;  // with mutex_: open_ became 0
   std::size_t open_ = 0;          // guarded by mutex_

@@ -12,6 +12,7 @@ namespace {
 /// The metadata by which a client names a request, in all calls but BuildPhotonMap, whose header
 /// has a field.
 constexpr const char* kRequestIdKey = "x-request-id";
+constexpr const char* kAuthorizationKey = "authorization";
 
 /// 16 random hexadecimal digits.
 std::string RandomId() {
@@ -19,13 +20,18 @@ std::string RandomId() {
   return fmt::format("{:016x}", engine());
 }
 
+/// The first value of `key` that the client has sent; empty where there is none.
+std::string_view Metadata(const grpc::CallbackServerContext& context, const char* key) {
+  const auto& metadata = context.client_metadata();
+  const auto entry = metadata.find(key);
+  if (entry == metadata.end()) return {};
+  return {entry->second.data(), entry->second.size()};
+}
+
 /// The client's id where it gave one that may stand in a log, else a random one.
 std::string RequestId(const grpc::CallbackServerContext& context) {
-  const auto& metadata = context.client_metadata();
-  const auto entry = metadata.find(kRequestIdKey);
-  if (entry == metadata.end()) return RandomId();
-  std::string id(entry->second.data(), entry->second.size());
-  return CheckName(kRequestIdKey, id).ok() ? id : RandomId();
+  const std::string_view id = Metadata(context, kRequestIdKey);
+  return CheckName(kRequestIdKey, id).ok() ? std::string(id) : RandomId();
 }
 
 }  // namespace
@@ -37,14 +43,22 @@ grpc::Status ToGrpcStatus(const absl::Status& status) {
 }
 
 Call::Call(State& state, grpc::CallbackServerContext& context, std::string_view method)
-    : state_(state),
-      context_(context),
-      deadline_(context.deadline()),
-      admission_(state.calls.Enter()) {
+    : state_(state), context_(context), deadline_(context.deadline()) {
   record_.request_id = RequestId(context);
   record_.method = method;
   record_.peer = context.peer();
+  admission_ = Admit();
   state_.metrics.CallStarted(record_.method);
+}
+
+absl::Status Call::Admit() {
+  const absl::Status entered = state_.calls.Enter();  // in any case: the end counts it out
+  if (state_.tokens != nullptr) {
+    const auto client = state_.tokens->Authenticate(Metadata(context_, kAuthorizationKey));
+    if (!client.ok()) return client.status();
+    record_.client = *client;
+  }
+  return entered;
 }
 
 Call::~Call() {

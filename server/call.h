@@ -40,7 +40,9 @@ class Call {
   Call(const Call&) = delete;
   Call& operator=(const Call&) = delete;
 
-  const absl::Status& admission() const { return admission_; }  ///< UNAVAILABLE: the server drains
+  /// Whether the call may go on. UNAVAILABLE: the server drains. RESOURCE_EXHAUSTED: too many are
+  /// open. UNAUTHENTICATED: it has no token of this server.
+  const absl::Status& admission() const { return admission_; }
 
   /// OK while somebody waits for the answer; else DEADLINE_EXCEEDED or CANCELLED. Safe from any
   /// thread.
@@ -74,10 +76,12 @@ class Call {
   grpc::Status End(const absl::Status& status);
 
  private:
+  absl::Status Admit();
+
   State& state_;
   grpc::CallbackServerContext& context_;
   const std::chrono::system_clock::time_point deadline_;
-  const absl::Status admission_;
+  absl::Status admission_;  // stays, once constructed
   std::atomic<bool> abandoned_ = false;
   std::atomic<bool> stalled_ = false;
   RequestRecord record_;

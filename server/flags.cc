@@ -93,14 +93,30 @@ std::string Explain(const CLI::ParseError& error, CLI::App& app) {
                      Printable(what.substr(kNotAnOption.size())));
 }
 
-void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slow_ms) {
+void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slow_ms,
+                std::string& socket_mode) {
   ServerOptions& server = flags.server;
   Add(app, "--listen", server.listen, "HOST:PORT, port 0 for a free one; or unix:/PATH")
       ->check(
           [](const std::string& listen) { return std::string(CheckAddress(listen).message()); });
-  app.add_flag("--insecure", server.allow_remote,
-               "Listen on an address that other machines reach; nothing is encrypted")
+  app.add_flag("--insecure", server.allow_insecure,
+               "Listen where other machines reach it, without TLS or tokens")
       ->envname(Variable("--insecure"));
+  Add(app, "--tls-cert", server.tls.certificate,
+      "PEM file of the server's certificate and those up to its CA; read again when it changes");
+  Add(app, "--tls-key", server.tls.key, "PEM file of its private key; read again too");
+  Add(app, "--tls-client-ca", server.tls.client_ca,
+      "PEM file of the CAs of which clients must show a certificate; read again too");
+  Add(app, "--token-file", server.token_file,
+      "Hashes of the tokens of those who may call, by treelightd token; read again when it "
+      "changes");
+  Add(app, "--socket-mode", socket_mode, "Permissions of a Unix socket, octal")
+      ->check([](const std::string& text) {
+        const bool octal = text.size() <= 4 && text.find_first_not_of("01234567") == text.npos;
+        return octal && !text.empty() && std::stoul(text, nullptr, 8) <= 0777
+                   ? std::string()
+                   : fmt::format("'{}' are no permissions in octal, 0660 say", text);
+      });
   Add(app, "--device", flags.device.device, "OpenCL device, by index or part of its name");
   Add(app, "--cache-dir", flags.device.cache_directory, "Folder of compiled kernels");
   Limits& limits = server.limits;
@@ -113,6 +129,7 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
       ->check(CheckCount);
   Add(app, "--build-slots", server.build_slots, "Builds that may be open, uploads included")
       ->check(CheckCount);
+  Add(app, "--max-calls", server.max_calls, "Calls that may be open at once")->check(CheckCount);
   Add(app, "--memory-limit", server.memory_limit,
       "Bytes of host memory for uploads, messages, answers, and maps on a CPU; units as 4GiB; "
       "0: half of what the machine or its control group has")
@@ -137,17 +154,24 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
 
 }  // namespace
 
-std::variant<Flags, HealthCheck, Exit> ParseFlags(int argc, const char* const* argv) {
+std::variant<Flags, HealthCheck, TokenRequest, Exit> ParseFlags(int argc, const char* const* argv) {
   Flags flags;
   Seconds seconds(flags);
   CLI::App app(kDescription, "treelightd");
   app.set_version_flag("--version", fmt::format("treelightd {}", kVersion));
   std::int64_t slow_ms = flags.server.slow.count();
-  AddOptions(app, flags, seconds, slow_ms);
+  std::string socket_mode = fmt::format("{:04o}", flags.server.socket_mode);
+  AddOptions(app, flags, seconds, slow_ms, socket_mode);
   app.footer(kExitCodes);
   CLI::App* const health_check = app.add_subcommand(
       "healthcheck", "Ask the server at --listen whether it serves: exit code 0, else 1");
   health_check->fallthrough();  // its options are the server's
+  CLI::App* const token = app.add_subcommand(
+      "token", "Print a new token for client NAME, and add its hash to --token-file");
+  std::string token_name;
+  token->add_option("NAME", token_name, "Name of the client in the request log")->required();
+  token->fallthrough();
+  app.require_subcommand(0, 1);
   const char* config = std::getenv("TREELIGHT_CONFIG");
   const bool has_config = config != nullptr && *config != '\0';
   // A file that is named has to be there.
@@ -166,7 +190,13 @@ std::variant<Flags, HealthCheck, Exit> ParseFlags(int argc, const char* const* a
   flags.drain_delay = ToMilliseconds(seconds.drain_delay);
   flags.server.slow = std::chrono::milliseconds(slow_ms);
   flags.server.stall = ToMilliseconds(seconds.stall);
-  if (health_check->parsed()) return HealthCheck{flags.server.listen};
+  flags.server.socket_mode = static_cast<unsigned>(std::stoul(socket_mode, nullptr, 8));
+  if (health_check->parsed()) return HealthCheck{flags.server.listen, flags.server.tls};
+  if (token->parsed()) {
+    if (!flags.server.token_file.empty()) return TokenRequest{token_name, flags.server.token_file};
+    fmt::print(stderr, "treelightd: token: say which file gets the hash, --token-file\n");
+    return Exit{kExitWrongUsage};
+  }
   if (auto status = CheckOptions(flags.server); !status.ok()) {
     fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
     return Exit{kExitWrongUsage};

@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "core/builder.h"
+#include "server/health_check.h"
 #include "server/options.h"
 
 namespace treelight::server {
@@ -20,9 +21,9 @@ struct Flags {
   std::chrono::milliseconds drain = std::chrono::seconds(30);  ///< given to open calls at the end
 };
 
-/// `treelightd healthcheck`: ask the server at `listen` and end.
-struct HealthCheck {
-  std::string listen;
+/// `treelightd token`: make a token, print it, and add its hash to the file.
+struct TokenRequest {
+  std::string name, token_file;
 };
 
 /// Nothing is left to do: the process ends with this code.
@@ -33,10 +34,10 @@ struct Exit {
 /// Exit codes of treelightd.
 inline constexpr int kExitFailure = 1, kExitWrongUsage = 2, kExitSignal = 130;
 
-/// Reads the flags. Exit where --help or --version was answered (0), or something is wrong, which
-/// one line on stderr then tells (kExitWrongUsage). What the command line says goes before the
-/// file, the file before the environment.
-std::variant<Flags, HealthCheck, Exit> ParseFlags(int argc, const char* const* argv);
+/// Reads the flags; HealthCheck for `treelightd healthcheck`. Exit where --help or --version was
+/// answered (0), or something is wrong, which one line on stderr then tells (kExitWrongUsage). What
+/// the command line says goes before the file, the file before the environment.
+std::variant<Flags, HealthCheck, TokenRequest, Exit> ParseFlags(int argc, const char* const* argv);
 
 }  // namespace treelight::server
 

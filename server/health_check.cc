@@ -8,7 +8,7 @@
 #include "grpcpp/completion_queue.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/generic/generic_stub.h"
-#include "grpcpp/security/credentials.h"
+#include "server/tls.h"
 #include "treelight/v1/photon_map.grpc.pb.h"
 
 namespace treelight::server {
@@ -44,11 +44,12 @@ bool IsServing(grpc::ByteBuffer& response) {
 
 }  // namespace
 
-absl::Status CheckHealth(const std::string& listen, std::chrono::milliseconds timeout) {
+absl::Status CheckHealth(const HealthCheck& check, std::chrono::milliseconds timeout) {
+  if (auto status = CheckTlsFiles(check.tls); !status.ok()) return status;
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  grpc::GenericStub stub(
-      grpc::CreateCustomChannel(Reachable(listen), grpc::InsecureChannelCredentials(), arguments));
+  grpc::GenericStub stub(grpc::CreateCustomChannel(
+      Reachable(check.listen), MakeOwnChannelCredentials(check.tls), arguments));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + timeout);
   grpc::CompletionQueue queue;
@@ -63,10 +64,10 @@ absl::Status CheckHealth(const std::string& listen, std::chrono::milliseconds ti
   queue.Next(&tag, &ok);
   if (!status.ok()) {
     return absl::UnavailableError(
-        fmt::format("'{}' does not answer: {}", listen, status.error_message()));
+        fmt::format("'{}' does not answer: {}", check.listen, status.error_message()));
   }
   if (!IsServing(response))
-    return absl::UnavailableError(fmt::format("'{}' says that it does not serve", listen));
+    return absl::UnavailableError(fmt::format("'{}' says that it does not serve", check.listen));
   return absl::OkStatus();
 }
 

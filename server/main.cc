@@ -3,6 +3,8 @@
 // Exit codes: 0 drained, healthy, or --help; 1 it cannot serve, or does not; 2 wrong command line;
 // 130 a signal came before it served, or a second one while it drained.
 
+#include <sys/resource.h>
+
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -18,6 +20,8 @@
 #include "server/health_check.h"
 #include "server/server.h"
 #include "server/signal_watch.h"
+#include "server/tls.h"
+#include "server/tokens.h"
 #include "server/version.h"
 #include "server/warm_up.h"
 
@@ -34,18 +38,43 @@ void QuietGrpc() {
   if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
 }
 
+/// Every connection is an open file, and services start with a limit of 1024 of what they may have.
+void RaiseFileLimit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 /// `treelightd healthcheck`.
 int AnswerHealth(const HealthCheck& check) {
   constexpr std::chrono::seconds kTimeout{5};
-  const auto healthy = CheckHealth(check.listen, kTimeout);
+  const auto healthy = CheckHealth(check, kTimeout);
   return healthy.ok() ? 0 : Fail(healthy, kExitFailure);
+}
+
+/// `treelightd token`.
+int AnswerToken(const TokenRequest& request) {
+  const auto made = MakeToken(request.name);
+  if (!made.ok()) return Fail(made.status(), kExitWrongUsage);
+  const auto kept = AppendTokenLine(request.token_file, made->line);
+  if (!kept.ok()) return Fail(kept, kExitFailure);
+  fmt::print("{}\n", made->token);
+  return std::fflush(stdout) == 0 ? 0
+                                  : Fail(absl::UnavailableError("stdout is closed"), kExitFailure);
+}
+
+/// What Server::Start would refuse, before the device takes its time.
+absl::Status CheckFiles(const ServerOptions& options) {
+  if (auto status = CheckTlsFiles(options.tls); !status.ok()) return status;
+  return options.token_file.empty() ? absl::OkStatus() : Tokens::Open(options.token_file).status();
 }
 
 /// Waits for a signal, then drains.
 void ServeUntilSignal(Server& server, SignalWatch& signals, const Flags& flags) {
   signals.BeginServing([&server] {
-    const auto reopened = server.ReopenLog();
-    if (!reopened.ok()) Fail(reopened, kExitFailure);  // only told: lines go on to the old file
+    const auto reloaded = server.Reload();
+    if (!reloaded.ok()) Fail(reloaded, kExitFailure);  // only told: it goes on as it was
   });
   fmt::print("treelightd {} listening on {}, device {}: {}\n", kVersion, server.address(),
              flags.server.device_index, flags.server.devices[flags.server.device_index].name);
@@ -69,10 +98,14 @@ int Main(int argc, const char* const* argv) {
   static SignalWatch signals(kExitSignal);  // its thread may outlive main()
   std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
   QuietGrpc();
+  RaiseFileLimit();
   auto parsed = ParseFlags(argc, argv);
   if (const auto* exit = std::get_if<Exit>(&parsed)) return exit->code;
   if (const auto* check = std::get_if<HealthCheck>(&parsed)) return AnswerHealth(*check);
+  if (const auto* token = std::get_if<TokenRequest>(&parsed)) return AnswerToken(*token);
   Flags& flags = std::get<Flags>(parsed);
+
+  if (auto status = CheckFiles(flags.server); !status.ok()) return Fail(status, kExitFailure);
 
   // The device; all that the server builds is built on it.
   const auto device = ChooseDevice(flags.device);

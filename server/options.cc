@@ -1,5 +1,7 @@
 #include "server/options.h"
 
+#include <string_view>
+
 #include "fmt/format.h"
 #include "server/address.h"
 
@@ -7,15 +9,44 @@ namespace treelight::server {
 
 namespace {
 
-/// Of an address that may be empty.
-absl::Status CheckListen(const std::string& address, bool allow_remote) {
+/// Whether `address`, which may be empty, is well formed and safe: loopback, a Unix socket, or
+/// `guarded`. `remedy` says what else would make it safe.
+absl::Status CheckListen(const std::string& address, bool guarded, std::string_view remedy) {
   if (address.empty()) return absl::OkStatus();
   if (auto status = CheckAddress(address); !status.ok()) return status;
-  if (IsLocal(address) || allow_remote) return absl::OkStatus();
+  if (IsLocal(address) || guarded) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      fmt::format("address '{}' can be reached from other machines, and nothing here is encrypted "
-                  "or asks who calls; listen on 127.0.0.1, or say --insecure",
-                  address));
+      fmt::format("address '{}' can be reached from other machines; {}", address, remedy));
+}
+
+absl::Status CheckTls(const TlsFiles& tls) {
+  if (tls.certificate.empty() == tls.key.empty() &&
+      (tls.client_ca.empty() || !tls.certificate.empty())) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      "TLS needs both --tls-cert and --tls-key, and --tls-client-ca stands beside them");
+}
+
+/// What is wrong with the addresses.
+absl::Status CheckAddresses(const ServerOptions& options) {
+  const bool guarded = !options.tls.empty() && !options.token_file.empty();
+  const auto status =
+      CheckListen(options.listen, guarded || options.allow_insecure,
+                  options.tls.empty()
+                      ? "give --tls-cert, --tls-key and --token-file, listen on 127.0.0.1, or say "
+                        "--insecure to serve whoever reaches it"
+                      : "give --token-file too, listen on 127.0.0.1, or say --insecure to serve "
+                        "whoever reaches it");
+  if (!status.ok()) return status;
+  if (options.metrics_listen.starts_with("unix:")) {
+    return absl::InvalidArgumentError(
+        fmt::format("address '{}' of the metrics is a Unix socket; expected HOST:PORT",
+                    options.metrics_listen));
+  }
+  return CheckListen(options.metrics_listen, options.allow_insecure,
+                     "the metrics are neither encrypted nor ask who reads them: listen on "
+                     "127.0.0.1, or say --insecure");
 }
 
 }  // namespace
@@ -36,15 +67,11 @@ absl::Status CheckOptions(const ServerOptions& options) {
     return absl::InvalidArgumentError(fmt::format("device index is {}, there are {} devices",
                                                   options.device_index, options.devices.size()));
   }
-  if (options.metrics_listen.starts_with("unix:")) {
-    return absl::InvalidArgumentError(
-        fmt::format("address '{}' of the metrics is a Unix socket; expected HOST:PORT",
-                    options.metrics_listen));
+  if (options.max_calls == 0) {
+    return absl::InvalidArgumentError("open calls are 0, there must be at least 1");
   }
-  for (const std::string& address : {options.listen, options.metrics_listen}) {
-    if (auto status = CheckListen(address, options.allow_remote); !status.ok()) return status;
-  }
-  return absl::OkStatus();
+  if (auto status = CheckTls(options.tls); !status.ok()) return status;
+  return CheckAddresses(options);
 }
 
 }  // namespace treelight::server

@@ -27,11 +27,26 @@ struct Limits {
   std::uint64_t max_slice_bytes = 16 << 20;
 };
 
+/// Files of TLS, PEM each. Changed ones are taken up while the server runs.
+struct TlsFiles {
+  std::string certificate{};  ///< of the server, followed by those between it and its CA
+  std::string key{};          ///< of `certificate`, without a password
+  std::string client_ca{};    ///< clients must show a certificate of it; empty: they need none
+
+  bool empty() const { return certificate.empty() && key.empty() && client_ca.empty(); }
+};
+
 /// How a server runs.
 struct ServerOptions {
   /// "host:port" with port 0 for a free one, or "unix:/path"; empty: in-process channels only.
   std::string listen = "127.0.0.1:7543";
-  bool allow_remote = false;     ///< whether `listen` may be other than loopback or a Unix socket
+  /// Whether `listen` may be other than loopback or a Unix socket without TLS and tokens, and
+  /// `metrics_listen`, which has neither, other than loopback.
+  bool allow_insecure = false;
+  TlsFiles tls;                  ///< empty: nothing is encrypted
+  std::string token_file;        ///< hashes of the tokens of those who may call; empty: all may
+  unsigned socket_mode = 0600;   ///< of a Unix socket's file: who may write may call
+  std::size_t max_calls = 1024;  ///< that may be open at once, at least 1
   std::size_t queue_depth = 64;  ///< requests that may wait for the device, at least 1
   std::size_t build_slots = 16;  ///< builds that may be open, at least 1
   /// Host memory for photons that arrive, messages, answers, and maps of a CPU device, bytes;
@@ -51,7 +66,7 @@ struct ServerOptions {
 };
 
 /// INVALID_ARGUMENT names the option that is wrong; also an address that other machines can reach
-/// while `allow_remote` is false.
+/// where neither TLS and tokens guard it nor `allow_insecure` is true.
 absl::Status CheckOptions(const ServerOptions& options);
 
 }  // namespace treelight::server

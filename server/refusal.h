@@ -19,10 +19,11 @@ enum class Quota {
   kMemory,      ///< "memory": host memory, --memory-limit
   kBuilds,      ///< "builds": open uploads and builds, --build-slots
   kQueueDepth,  ///< "queue": requests that wait for the device, --queue-depth
+  kCalls,       ///< "calls": open calls of any kind, --max-calls
   kDeadline,    ///< "deadline": the queue is longer than the time that the caller has
 };
 
-/// "memory", "builds", "queue", "deadline".
+/// "memory", "builds", "queue", "calls", "deadline".
 std::string_view QuotaName(Quota quota);
 
 /// RESOURCE_EXHAUSTED. `message` says the limit, what was asked and what to do; it is the

@@ -53,6 +53,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   json["request_id"] = record.request_id;
   json["method"] = record.method;
   json["peer"] = record.peer;
+  if (!record.client.empty()) json["client"] = record.client;
   if (!record.map.empty()) json["map"] = record.map;
   if (record.version != 0) json["version"] = record.version;
   Set(json, "photons", record.photons);

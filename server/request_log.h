@@ -23,6 +23,7 @@ struct RequestRecord {
   /// ended with none.
   std::string method;
   std::string peer;
+  std::string client;  ///< whose token the call has
   std::string map;
   std::uint64_t version = 0;             ///< 0: none answered
   std::optional<std::uint64_t> photons;  ///< of a build, as announced

@@ -1,7 +1,12 @@
 #include "server/server.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "fmt/format.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
@@ -10,8 +15,11 @@
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
 #include "server/address.h"
+#include "server/file_watch.h"
 #include "server/metrics_endpoint.h"
 #include "server/service.h"
+#include "server/tls.h"
+#include "server/tokens.h"
 #include "server/unix_socket.h"
 
 namespace treelight::server {
@@ -24,6 +32,12 @@ constexpr int kMinPingIntervalMs = 5'000;
 constexpr int kPingIntervalMs = 60'000, kPingTimeoutMs = 20'000;
 /// Calls of one connection at once; more wait at the client.
 constexpr int kMaxStreams = 256;
+/// Metadata of a call, bytes.
+constexpr int kMaxMetadataBytes = 8192;
+/// Who connects and does not speak HTTP/2, or TLS first, is cut off.
+constexpr int kHandshakeTimeoutMs = 10'000;
+/// How often changed files are looked for.
+constexpr std::chrono::seconds kWatchInterval{1};
 
 void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.SetMaxReceiveMessageSize(static_cast<int>(options.limits.max_message_bytes));
@@ -34,33 +48,71 @@ void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kPingIntervalMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kPingTimeoutMs);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
   // Two servers must not share a port unawares.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
 }
+
+void Tell(const absl::Status& status) {
+  if (!status.ok()) fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+}
+
+/// Binds the file of a Unix socket so that it never has more permissions than `mode`: gRPC knows
+/// none.
+class SocketMode {
+ public:
+  SocketMode(const std::string& listen, unsigned mode)
+      : path_(SocketPath(listen)), mode_(mode), umask_(path_.empty() ? 0 : umask(0777 & ~mode)) {}
+  ~SocketMode() {
+    if (!path_.empty()) umask(umask_);
+  }
+  SocketMode(const SocketMode&) = delete;
+  SocketMode& operator=(const SocketMode&) = delete;
+
+  /// Once it is bound.
+  void Apply() const {
+    if (!path_.empty()) chmod(path_.c_str(), mode_);
+  }
+
+ private:
+  const std::string path_;
+  const unsigned mode_;
+  const mode_t umask_;
+};
 
 }  // namespace
 
 struct Server::Impl {
   Impl(const ServerOptions& options, std::unique_ptr<Builder> builder,
-       std::unique_ptr<RequestLog> log)
-      : state(options, std::move(builder), std::move(log)), service(state) {}
+       std::unique_ptr<RequestLog> log, std::unique_ptr<Tokens> tokens)
+      : state(options, std::move(builder), std::move(log), std::move(tokens)), service(state) {}
 
   SocketLock lock;  // first: held until the server has let go of the socket
   State state;
   PhotonMapService service;
   int port = 0;
   std::unique_ptr<MetricsEndpoint> metrics;  // null where nobody asked for it
-  std::unique_ptr<grpc::Server> server;      // last: its calls use the rest
+  std::unique_ptr<grpc::Server> server;      // its calls use the rest
+  std::optional<FileWatch> token_watch, tls_watch;
 };
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options,
                                                       std::unique_ptr<Builder> builder) {
   if (auto status = CheckOptions(options); !status.ok()) return status;
+  if (auto status = CheckTlsFiles(options.tls); !status.ok()) return status;
+  std::unique_ptr<Tokens> tokens;
+  if (!options.token_file.empty()) {
+    auto opened = Tokens::Open(options.token_file);
+    if (!opened.ok()) return opened.status();
+    tokens = *std::move(opened);
+  }
   auto lock = SocketLock::Take(options.listen);
   if (!lock.ok()) return lock.status();
   auto log = RequestLog::Open(options.log_file);
   if (!log.ok()) return log.status();
-  auto impl = std::make_unique<Impl>(options, std::move(builder), *std::move(log));
+  auto impl =
+      std::make_unique<Impl>(options, std::move(builder), *std::move(log), std::move(tokens));
   impl->lock = *std::move(lock);
 
   if (!options.metrics_listen.empty()) {
@@ -70,14 +122,20 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   }
 
   grpc::EnableDefaultHealthCheckService(true);
-  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  // gRPC's reflection asks nobody for a token.
+  if (options.token_file.empty()) grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder server_builder;
   Configure(options, server_builder);
   if (!options.listen.empty()) {
-    server_builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &impl->port);
+    server_builder.AddListeningPort(options.listen, MakeServerCredentials(options.tls),
+                                    &impl->port);
   }
   server_builder.RegisterService(&impl->service);
-  impl->server = server_builder.BuildAndStart();
+  {
+    const SocketMode socket_mode(options.listen, options.socket_mode);
+    impl->server = server_builder.BuildAndStart();
+    if (impl->server != nullptr) socket_mode.Apply();
+  }
   const bool bound = options.listen.empty() || impl->port > 0;
   if (impl->server == nullptr || !bound) {
     return absl::UnavailableError(fmt::format(
@@ -87,6 +145,17 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   if (options.listen.starts_with("unix:")) impl->port = 0;  // gRPC says 1 for a socket
   impl->server->GetHealthCheckService()->SetServingStatus(v1::PhotonMapService::service_full_name(),
                                                           true);
+  if (impl->state.tokens != nullptr) {
+    impl->token_watch.emplace(std::vector{options.token_file}, kWatchInterval,
+                              [&state = impl->state] { Tell(state.tokens->Reload()); });
+  }
+  if (!options.tls.empty()) {
+    std::vector<std::string> files = {options.tls.certificate, options.tls.key};
+    if (!options.tls.client_ca.empty()) files.push_back(options.tls.client_ca);
+    // gRPC takes them up, whatever is in them.
+    impl->tls_watch.emplace(std::move(files), kWatchInterval,
+                            [tls = options.tls] { Tell(CheckTlsFiles(tls)); });
+  }
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }
 
@@ -98,7 +167,11 @@ int Server::port() const { return impl_->port; }
 
 int Server::metrics_port() const { return impl_->metrics == nullptr ? 0 : impl_->metrics->port(); }
 
-absl::Status Server::ReopenLog() { return impl_->state.log->Reopen(); }
+absl::Status Server::Reload() {
+  absl::Status status = impl_->state.log->Reopen();
+  if (impl_->state.tokens != nullptr) status.Update(impl_->state.tokens->Reload());
+  return status;
+}
 
 std::string Server::address() const { return WithPort(impl_->state.options.listen, impl_->port); }
 

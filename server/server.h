@@ -14,14 +14,15 @@
 
 namespace treelight::server {
 
-/// A running Treelight service with health (v1) and reflection. Safe to call from several threads
-/// at once.
+/// A running Treelight service with health (v1), and reflection where no tokens are asked for.
+/// Files of TLS and tokens that change are taken up; where they are wrong, a line on stderr tells.
+/// Safe to call from several threads at once.
 class Server {
  public:
-  /// Starts to serve maps that `builder` makes. INVALID_ARGUMENT: an option is wrong, or the
-  /// address is not loopback and ServerOptions::allow_remote is false. UNAVAILABLE: the address
-  /// cannot be bound, nor that of the metrics. PERMISSION_DENIED: the log file cannot be opened or
-  /// written to.
+  /// Starts to serve maps that `builder` makes. INVALID_ARGUMENT: an option is wrong, CheckOptions,
+  /// or a file of TLS or tokens. UNAVAILABLE: the address cannot be bound, nor that of the metrics.
+  /// PERMISSION_DENIED: the log file cannot be opened or written to. NOT_FOUND: there is no such
+  /// token file.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options,
                                                        std::unique_ptr<Builder> builder);
 
@@ -34,9 +35,9 @@ class Server {
   /// TCP port of the metrics; 0 where there is none.
   int metrics_port() const;
 
-  /// Opens the file of the request log anew, after it was renamed. PERMISSION_DENIED: it cannot be;
-  /// lines go on to the old one.
-  absl::Status ReopenLog();
+  /// Opens the file of the request log anew, after it was renamed, and reads the token file again.
+  /// The first error; what cannot be read anew stays as it was.
+  absl::Status Reload();
 
   /// Where clients reach it: ServerOptions::listen with the port that was taken.
   std::string address() const;

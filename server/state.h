@@ -19,6 +19,7 @@
 #include "server/options.h"
 #include "server/request_log.h"
 #include "server/stall_watch.h"
+#include "server/tokens.h"
 #include "tbb/info.h"
 #include "tbb/task_arena.h"
 
@@ -27,12 +28,14 @@ namespace treelight::server {
 /// What all calls share; each part guards itself.
 struct State {
   State(const ServerOptions& server_options, std::unique_ptr<Builder> map_builder,
-        std::unique_ptr<RequestLog> request_log)
+        std::unique_ptr<RequestLog> request_log, std::unique_ptr<Tokens> caller_tokens = {})
       : options(server_options),
         builder(std::move(map_builder)),
         log(std::move(request_log)),
+        tokens(std::move(caller_tokens)),
         memory(options.memory_limit > 0 ? options.memory_limit : DefaultMemoryLimit()),
         build_slots(options.build_slots),
+        calls(options.max_calls),
         stalls(options.stall),
         device_queue(options.queue_depth) {}
 
@@ -61,6 +64,7 @@ struct State {
   const ServerOptions options;
   const std::unique_ptr<Builder> builder;  ///< used on the device queue's thread
   const std::unique_ptr<RequestLog> log;
+  const std::unique_ptr<Tokens> tokens;  ///< null: everybody may call
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   Metrics metrics;
   MemoryBudget memory;

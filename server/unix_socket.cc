@@ -46,10 +46,16 @@ absl::Status CheckSocketIsFree(std::string_view listen, std::string_view path) {
 
 }  // namespace
 
+std::string SocketPath(std::string_view listen) {
+  if (!listen.starts_with("unix:")) return {};
+  listen.remove_prefix(5);
+  if (listen.starts_with("//")) listen.remove_prefix(2);  // gRPC takes unix:///path too
+  return std::string(listen);
+}
+
 absl::StatusOr<SocketLock> SocketLock::Take(std::string_view listen) {
-  if (!listen.starts_with("unix:")) return SocketLock();
-  std::string_view path = listen.substr(5);
-  if (path.starts_with("//")) path.remove_prefix(2);  // gRPC takes unix:///path too
+  const std::string path = SocketPath(listen);
+  if (path.empty()) return SocketLock();
   const std::string file = fmt::format("{}.lock", path);
   SocketLock lock(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (lock.handle_ < 0) {

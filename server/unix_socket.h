@@ -8,6 +8,9 @@
 
 namespace treelight::server {
 
+/// The path of "unix:/path"; empty of any other address.
+std::string SocketPath(std::string_view listen);
+
 /// The right to bind a Unix socket. Two servers that start in the same instant would both find the
 /// path free, and gRPC replaces a socket file without a question: so the one that binds holds a
 /// lock (flock) on PATH.lock, which the system lets go of when the process ends, however it does.

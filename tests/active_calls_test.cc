@@ -5,11 +5,14 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "server/refusal.h"
 
 namespace treelight::server {
 namespace {
 
 using std::chrono_literals::operator""ms;
+
+constexpr std::size_t kLimit = 100;
 
 /// A time that no test lives to see.
 std::chrono::system_clock::time_point Never() {
@@ -17,12 +20,27 @@ std::chrono::system_clock::time_point Never() {
 }
 
 TEST(ActiveCallsTest, WithNoCallTheWaitIsOver) {
-  ActiveCalls calls;
+  ActiveCalls calls(kLimit);
   EXPECT_EQ(calls.WaitForNone(Never()), 0u);
 }
 
+TEST(ActiveCallsTest, OneMoreThanTheLimitIsRefusedUntilOneLeaves) {
+  ActiveCalls calls(2);
+  ASSERT_TRUE(calls.Enter().ok());
+  ASSERT_TRUE(calls.Enter().ok());
+  const absl::Status refused = calls.Enter();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(RefusedQuota(refused), "calls");
+  EXPECT_EQ(refused.message(),
+            "2 calls are open already, the limit is 2 (--max-calls); repeat later, or send more in "
+            "one call");
+  calls.Leave();  // the one that was refused
+  calls.Leave();
+  EXPECT_TRUE(calls.Enter().ok());
+}
+
 TEST(ActiveCallsTest, TheWaitEndsAtTheDeadlineAndCountsWhatIsOpen) {
-  ActiveCalls calls;
+  ActiveCalls calls(kLimit);
   ASSERT_TRUE(calls.Enter().ok());
   ASSERT_TRUE(calls.Enter().ok());
   calls.Leave();
@@ -30,7 +48,7 @@ TEST(ActiveCallsTest, TheWaitEndsAtTheDeadlineAndCountsWhatIsOpen) {
 }
 
 TEST(ActiveCallsTest, ARefusedCallCountsUntilItLeaves) {
-  ActiveCalls calls;
+  ActiveCalls calls(kLimit);
   calls.Close();
   EXPECT_EQ(calls.Enter().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(calls.WaitForNone(std::chrono::system_clock::now()), 1u);
@@ -39,7 +57,7 @@ TEST(ActiveCallsTest, ARefusedCallCountsUntilItLeaves) {
 }
 
 TEST(ActiveCallsTest, ADrainAmongManyCallsLosesNone) {
-  ActiveCalls calls;
+  ActiveCalls calls(kLimit);
   std::atomic<int> admitted = 0;
   std::vector<std::jthread> threads;
   for (int i = 0; i < 4; ++i) {

@@ -7,6 +7,7 @@
 #include "client/commands/command.h"
 #include "client/commands/map_table.h"
 #include "client/commands/output.h"
+#include "client/commands/server_option.h"
 #include "client/photon_map_client.h"
 #include "client/photon_ply.h"
 #include "client/progress.h"
@@ -33,6 +34,8 @@ std::string FormatTimings(const v1::Timings& timings) {
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
   const auto photons = ReadPhotonPly(options.photons_path);
   if (!photons.ok()) return photons.status();
   Progress progress("upload", photons->size(), "photons");
@@ -43,8 +46,7 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
       .progress = [&progress](std::uint64_t photon_count) { progress.Update(photon_count); }};
   upload.build.set_max_leaf_size(options.max_leaf_size);
   upload.build.set_morton_bits(options.morton_bits);
-  const auto built =
-      PhotonMapClient(global.server, global.timeout).BuildPhotonMap(options.name, *photons, upload);
+  const auto built = (*client)->BuildPhotonMap(options.name, *photons, upload);
   progress.End();
   if (!built.ok()) return built.status();
   if (options.json) return PrintJson(*built);

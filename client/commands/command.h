@@ -7,6 +7,7 @@
 
 #include "CLI/CLI.hpp"
 #include "absl/status/status.h"
+#include "client/photon_map_client.h"
 
 namespace treelight::client {
 
@@ -14,6 +15,8 @@ namespace treelight::client {
 struct GlobalOptions {
   std::string server = "127.0.0.1:7543";  ///< target as PhotonMapClient takes it
   std::chrono::milliseconds timeout{};    ///< of each call to the server; 0: none
+  ConnectionOptions connection{};  ///< its files; Connect() of server_option.h sets the transport
+  bool tls = false;                ///< whether TLS was asked for beside them
   /// The work of the subcommand, set when it is parsed and run after that. Its status decides how
   /// `treelight` ends: 0 where it is OK, 3 where it is UNAVAILABLE (no server answers, or it is
   /// stopping), else 1 with its message on one line.

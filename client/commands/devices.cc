@@ -3,6 +3,7 @@
 
 #include "client/commands/command.h"
 #include "client/commands/output.h"
+#include "client/commands/server_option.h"
 #include "client/photon_map_client.h"
 #include "client/table.h"
 #include "core/builder.h"
@@ -34,6 +35,12 @@ v1::ServerInfo LocalDevices() {
   return info;
 }
 
+absl::StatusOr<v1::ServerInfo> ServerDevices(const GlobalOptions& global) {
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
+  return (*client)->GetServerInfo();
+}
+
 void PrintDevices(const v1::ServerInfo& info) {
   Table table{.head = {"", "index", "type", "name", "units", "memory", "largest buffer", "platform",
                        "driver"},
@@ -51,9 +58,7 @@ void PrintDevices(const v1::ServerInfo& info) {
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  absl::StatusOr<v1::ServerInfo> info =
-      options.local ? LocalDevices()
-                    : PhotonMapClient(global.server, global.timeout).GetServerInfo();
+  absl::StatusOr<v1::ServerInfo> info = options.local ? LocalDevices() : ServerDevices(global);
   if (!info.ok()) return info.status();
   if (options.json) {
     v1::ServerInfo devices;

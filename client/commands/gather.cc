@@ -12,6 +12,7 @@
 #include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/map_option.h"
+#include "client/commands/server_option.h"
 #include "client/output_file.h"
 #include "client/photon_map_client.h"
 #include "client/progress.h"
@@ -112,8 +113,9 @@ absl::Status Run(Options options, const GlobalOptions& global) {
   }
   auto file = OutputFile::Create(options.output_path);
   if (!file.ok()) return file.status();
-  PhotonMapClient client(global.server, global.timeout);
-  const auto summary = GatherAll(client, options, *points, *file);
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
+  const auto summary = GatherAll(**client, options, *points, *file);
   if (!summary.ok()) return summary.status();
   fmt::print(stderr, "{} queries on {}@{} in {}, kernels {}: {:.0f} queries/s\n", points->size(),
              summary->map.name, summary->map.version, FormatMicroseconds(1e6 * summary->seconds),

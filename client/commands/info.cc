@@ -2,6 +2,7 @@
 
 #include "client/commands/command.h"
 #include "client/commands/output.h"
+#include "client/commands/server_option.h"
 #include "client/photon_map_client.h"
 #include "client/table.h"
 #include "fmt/format.h"
@@ -47,7 +48,9 @@ void AddInfoCommand(CLI::App& app, GlobalOptions& global) {
   command->add_flag("--json", *json, "As JSON");
   command->callback([json, &global] {
     global.action = [json, &global]() -> absl::Status {
-      const auto info = PhotonMapClient(global.server, global.timeout).GetServerInfo();
+      const auto client = Connect(global);
+      if (!client.ok()) return client.status();
+      const auto info = (*client)->GetServerInfo();
       if (!info.ok()) return info.status();
       if (*json) return PrintJson(*info);
       PrintInfo(*info);

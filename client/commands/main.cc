@@ -4,9 +4,9 @@
 #include <string>
 
 #include "CLI/CLI.hpp"
-#include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/output.h"
+#include "client/commands/server_option.h"
 #include "fmt/format.h"
 #include "grpc/support/log.h"
 
@@ -20,22 +20,6 @@ constexpr char kFooter[] =
     "Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers, or it is\n"
     "stopping.\n"
     "What fails says why in one line on stderr.";
-
-void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
-  app.add_option("--server", global.server, "Address of treelightd: HOST:PORT or unix:PATH")
-      ->envname("TREELIGHT_SERVER")
-      ->check([](const std::string& address) {
-        return address.empty() ? "the address is empty" : std::string();
-      })
-      ->capture_default_str();
-  app.add_option_function<double>(
-         "--timeout",
-         [&global](double seconds) {
-           global.timeout = std::chrono::milliseconds(static_cast<std::int64_t>(seconds * 1000));
-         },
-         "Seconds that one call to the server may take, at least 0.001 (default: any time)")
-      ->check(NumberIn(0.001, 1e6));
-}
 
 int Fail(int exit_code, const std::string& message) {
   fmt::print(stderr, "treelight: {}\n", OneLine(message));
@@ -55,6 +39,11 @@ int Finish(const absl::Status& status, const GlobalOptions& global) {
                                          global.timeout.count(), message));
   }
   if (!absl::IsUnavailable(status)) return Fail(kExitFailed, message);
+  // A server is there, and the connection is wrong.
+  if (message.find("TLS") != std::string::npos ||
+      message.find("certificate") != std::string::npos) {
+    return Fail(kExitNoServer, fmt::format("{}: {}", global.server, message));
+  }
   // The server's own words, and not those of gRPC about a connection.
   if (message.starts_with("the server "))
     return Fail(kExitNoServer, fmt::format("{}: {}", global.server, message));
@@ -65,7 +54,7 @@ int Main(int argc, char** argv) {
   QuietGrpc();
   CLI::App app{"Builds and queries photon maps on a Treelight server.", "treelight"};
   GlobalOptions global;
-  AddGlobalOptions(app, global);
+  AddServerOptions(app, global);
   app.set_version_flag("--version", "treelight " TREELIGHT_VERSION);
   app.require_subcommand(0, 1);  // none is our own error, after one that names a wrong word
   app.fallthrough();

@@ -5,6 +5,7 @@
 #include "client/commands/map_option.h"
 #include "client/commands/map_table.h"
 #include "client/commands/output.h"
+#include "client/commands/server_option.h"
 #include "client/photon_map_client.h"
 #include "client/table.h"
 #include "fmt/format.h"
@@ -22,7 +23,9 @@ std::string Expiry(const v1::PhotonMap& map) {
 }
 
 absl::Status List(const Options& options, const GlobalOptions& global) {
-  const auto maps = PhotonMapClient(global.server, global.timeout).ListPhotonMaps();
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
+  const auto maps = (*client)->ListPhotonMaps();
   if (!maps.ok()) return maps.status();
   if (options.json) {
     v1::ListPhotonMapsResponse response;
@@ -43,7 +46,9 @@ absl::Status List(const Options& options, const GlobalOptions& global) {
 }
 
 absl::Status Show(const Options& options, const GlobalOptions& global) {
-  const auto map = PhotonMapClient(global.server, global.timeout).GetPhotonMap(options.map);
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
+  const auto map = (*client)->GetPhotonMap(options.map);
   if (!map.ok()) return map.status();
   if (options.json) return PrintJson(*map);
   fmt::print("{}", FormatMap(*map));
@@ -51,7 +56,9 @@ absl::Status Show(const Options& options, const GlobalOptions& global) {
 }
 
 absl::Status Delete(const Options& options, const GlobalOptions& global) {
-  const auto deleted = PhotonMapClient(global.server, global.timeout).DeletePhotonMap(options.map);
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
+  const auto deleted = (*client)->DeletePhotonMap(options.map);
   if (!deleted.ok()) return deleted.status();
   fmt::print("deleted {} version{}\n", *deleted, *deleted == 1 ? "" : "s");
   return absl::OkStatus();

@@ -10,6 +10,7 @@
 #include "client/commands/picture_output.h"
 #include "client/commands/render_options.h"
 #include "client/commands/render_report.h"
+#include "client/commands/server_option.h"
 #include "client/photon_map_client.h"
 #include "client/progress.h"
 #include "client/render/features.h"
@@ -156,7 +157,9 @@ MapTraversals SampleTraversals(PhotonMapClient& client, const PhotonMaps& maps,
 /// more than a warning.
 absl::Status RenderByPhotons(const Intersector& scene, const RenderChoice& choice,
                              const GlobalOptions& global, const Viewer& viewer) {
-  PhotonMapClient client(global.server, global.timeout);
+  const auto connected = Connect(global);
+  if (!connected.ok()) return connected.status();
+  PhotonMapClient& client = **connected;
   // Before any work: is there a server?
   if (const auto info = client.GetServerInfo(); !info.ok()) return info.status();
 

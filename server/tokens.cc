@@ -1,0 +1,229 @@
+#include "server/tokens.h"
+
+#include <fcntl.h>
+#include <openssl/crypto.h>
+#include <openssl/evp.h>
+#include <openssl/rand.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "fmt/format.h"
+#include "server/convert.h"
+
+namespace treelight::server {
+namespace {
+
+using Sha256 = std::array<unsigned char, 32>;
+
+constexpr std::string_view kPrefix = "tl_", kScheme = "sha256:", kBearer = "Bearer ";
+constexpr std::size_t kRandomBytes = 32;
+/// More than a token has, less than costs time to hash.
+constexpr std::size_t kLongestToken = 256;
+constexpr std::size_t kLargestFile = 1 << 20;
+
+Sha256 Hash(std::string_view token) {
+  Sha256 hash{};
+  EVP_Digest(token.data(), token.size(), hash.data(), nullptr, EVP_sha256(), nullptr);
+  return hash;
+}
+
+/// The words of `line`, which blanks and tabs part.
+std::vector<std::string_view> Words(std::string_view line) {
+  constexpr std::string_view kBlanks = " \t\r";
+  std::vector<std::string_view> words;
+  for (std::size_t first = 0;;) {
+    first = line.find_first_not_of(kBlanks, first);
+    if (first == std::string_view::npos) return words;
+    const std::size_t last = std::min(line.find_first_of(kBlanks, first), line.size());
+    words.push_back(line.substr(first, last - first));
+    first = last;
+  }
+}
+
+/// The value of a hexadecimal digit, or -1.
+int Digit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+std::optional<Sha256> ParseHash(std::string_view text) {
+  Sha256 hash{};
+  if (!text.starts_with(kScheme)) return std::nullopt;
+  text.remove_prefix(kScheme.size());
+  if (text.size() != 2 * hash.size()) return std::nullopt;
+  for (std::size_t i = 0; i < hash.size(); ++i) {
+    const int high = Digit(text[2 * i]), low = Digit(text[2 * i + 1]);
+    if (high < 0 || low < 0) return std::nullopt;
+    hash[i] = static_cast<unsigned char>(16 * high + low);
+  }
+  return hash;
+}
+
+absl::Status CannotRead(const std::string& file, int error) {
+  const std::string message = fmt::format("token file '{}': {}", file, std::strerror(error));
+  return error == ENOENT ? absl::NotFoundError(message) : absl::PermissionDeniedError(message);
+}
+
+absl::StatusOr<std::string> ReadFile(const std::string& file) {
+  const int handle = open(file.c_str(), O_RDONLY | O_CLOEXEC);
+  if (handle < 0) return CannotRead(file, errno);
+  struct stat status {};
+  if (fstat(handle, &status) != 0 || !S_ISREG(status.st_mode)) {
+    close(handle);
+    return absl::PermissionDeniedError(fmt::format("token file '{}' is no regular file", file));
+  }
+  if ((status.st_mode & S_IWOTH) != 0) {
+    close(handle);
+    return absl::PermissionDeniedError(
+        fmt::format("token file '{}' can be written by everybody: chmod o-w", file));
+  }
+  std::string text;
+  char buffer[4096];
+  ssize_t count = 0;
+  while (text.size() <= kLargestFile && (count = read(handle, buffer, sizeof(buffer))) != 0) {
+    if (count > 0) {
+      text.append(buffer, static_cast<std::size_t>(count));
+    } else if (errno != EINTR) {
+      const int error = errno;
+      close(handle);
+      return CannotRead(file, error);
+    }
+  }
+  close(handle);
+  if (text.size() > kLargestFile) {
+    return absl::InvalidArgumentError(
+        fmt::format("token file '{}': larger than {} bytes", file, kLargestFile));
+  }
+  return text;
+}
+
+absl::StatusOr<std::vector<TokenHash>> ReadTokens(const std::string& file) {
+  const auto text = ReadFile(file);
+  if (!text.ok()) return text.status();
+  return ParseTokens(*text, file);
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<TokenHash>> ParseTokens(std::string_view text, std::string_view file) {
+  std::vector<TokenHash> tokens;
+  std::size_t line_number = 0;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const auto words = Words(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+    ++line_number;
+    if (words.empty() || words[0].starts_with('#')) continue;
+    const auto wrong = [&](std::string_view why) {
+      // What stands there may be a token: it is not repeated.
+      return absl::InvalidArgumentError(
+          fmt::format("token file '{}', line {}: {}; expected NAME sha256:HEX, as treelightd "
+                      "token writes it",
+                      file, line_number, why));
+    };
+    if (words.size() != 2) return wrong(fmt::format("{} words", words.size()));
+    if (!CheckName("name", words[0]).ok())
+      return wrong("the name has characters beside A-Z a-z 0-9 . _ -, or more than 128");
+    const auto hash = ParseHash(words[1]);
+    if (!hash) return wrong("the second word is not sha256: and 64 hexadecimal digits");
+    tokens.push_back({std::string(words[0]), *hash});
+  }
+  if (tokens.empty()) {
+    return absl::InvalidArgumentError(fmt::format(
+        "token file '{}' has no token; treelightd token NAME --token-file FILE adds one", file));
+  }
+  return tokens;
+}
+
+absl::StatusOr<NewToken> MakeToken(std::string_view name) {
+  if (auto status = CheckName("name", name); !status.ok()) return status;
+  constexpr std::string_view kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
+  std::array<unsigned char, kRandomBytes> random{};
+  if (RAND_bytes(random.data(), static_cast<int>(random.size())) != 1) {
+    return absl::InternalError("the system gives no random numbers");
+  }
+  // base64url, six bits a character.
+  NewToken made{.token = std::string(kPrefix), .line = {}};
+  for (std::size_t bit = 0; bit < 8 * random.size(); bit += 6) {
+    const unsigned first = random[bit / 8];
+    const unsigned second = bit / 8 + 1 < random.size() ? random[bit / 8 + 1] : 0;
+    made.token += kDigits[((first << 8 | second) >> (10 - bit % 8)) & 63];
+  }
+  made.line = fmt::format("{} {}", name, kScheme);
+  for (const unsigned char byte : Hash(made.token)) made.line += fmt::format("{:02x}", byte);
+  return made;
+}
+
+absl::Status AppendTokenLine(const std::string& file, const std::string& line) {
+  const int handle = open(file.c_str(), O_RDWR | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+  if (handle < 0) return CannotRead(file, errno);
+  // A file that somebody has edited may lack the end of its last line.
+  const off_t size = lseek(handle, 0, SEEK_END);
+  char last = '\n';
+  if (size > 0 && pread(handle, &last, 1, size - 1) != 1) last = '\n';
+  const std::string text = fmt::format("{}{}\n", last == '\n' ? "" : "\n", line);
+  const bool written = write(handle, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  const bool kept = written && fsync(handle) == 0;
+  const int error = errno;
+  close(handle);
+  return kept ? absl::OkStatus() : CannotRead(file, error);
+}
+
+absl::StatusOr<std::unique_ptr<Tokens>> Tokens::Open(const std::string& file) {
+  auto tokens = ReadTokens(file);
+  if (!tokens.ok()) return tokens.status();
+  return std::unique_ptr<Tokens>(
+      new Tokens(file, std::make_shared<const std::vector<TokenHash>>(*std::move(tokens))));
+}
+
+absl::Status Tokens::Reload() {
+  auto tokens = ReadTokens(file_);
+  if (!tokens.ok()) return tokens.status();
+  Hashes hashes = std::make_shared<const std::vector<TokenHash>>(*std::move(tokens));
+  const std::lock_guard lock(mutex_);
+  hashes_.swap(hashes);
+  return absl::OkStatus();
+}
+
+Tokens::Hashes Tokens::hashes() const {
+  const std::lock_guard lock(mutex_);
+  return hashes_;
+}
+
+std::optional<std::string> Tokens::Find(std::string_view token) const {
+  if (token.empty() || token.size() > kLongestToken) return std::nullopt;
+  const Sha256 hash = Hash(token);
+  const Hashes known = hashes();
+  // Every hash is compared, and each in whole.
+  const TokenHash* found = nullptr;
+  for (const TokenHash& candidate : *known) {
+    if (CRYPTO_memcmp(candidate.sha256.data(), hash.data(), hash.size()) == 0) found = &candidate;
+  }
+  return found == nullptr ? std::nullopt : std::optional(found->name);
+}
+
+absl::StatusOr<std::string> Tokens::Authenticate(std::string_view authorization) const {
+  if (authorization.empty()) {
+    return absl::UnauthenticatedError(
+        "the call has no token (metadata authorization: Bearer TOKEN; treelight --token-file)");
+  }
+  if (!authorization.starts_with(kBearer)) {
+    return absl::UnauthenticatedError("the metadata authorization is not Bearer and a token");
+  }
+  auto name = Find(authorization.substr(kBearer.size()));
+  if (!name) {
+    return absl::UnauthenticatedError(
+        "the server does not know the token: it was withdrawn, or is another server's");
+  }
+  return *std::move(name);
+}
+
+}  // namespace treelight::server
