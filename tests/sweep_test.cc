@@ -48,7 +48,9 @@ class PlainSweep {
   Subtree Build(std::vector<std::uint32_t> ids) {
     if (ids.size() <= max_leaf_size_) {
       const auto first = static_cast<std::uint32_t>(tree_.photons.size());
-      std::sort(ids.begin(), ids.end());
+      std::sort(ids.begin(), ids.end(), [&](std::uint32_t a, std::uint32_t b) {
+        return At(a).x < At(b).x || (At(a).x == At(b).x && a < b);
+      });
       for (const std::uint32_t id : ids)
         tree_.photons.push_back({At(id).x, At(id).y, At(id).z, id});
       return MakeLeaf(tree_.photons, first, first + static_cast<std::uint32_t>(ids.size()));

@@ -31,6 +31,7 @@ TEST(TiesTest, KernelsAgreeWithReference) {
     }
     CheckTies(shape, 3001, 30, /*max_leaf_size=*/1);
     CheckTies(shape, 3001, 30, /*max_leaf_size=*/64);
+    CheckTies(shape, 5003, 30, /*max_leaf_size=*/1000);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/cpu/traverse.h"
 
@@ -24,22 +25,26 @@ std::vector<std::uint32_t> SamplePhotons(std::uint32_t photon_count, std::uint32
   return ids;
 }
 
+float MedianRadius(std::vector<float> radii) {
+  std::erase(radii, 0.0f);
+  if (radii.empty()) return 0;
+  const auto median = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
+  std::nth_element(radii.begin(), median, radii.end());
+  return *median;
+}
+
 float SampleGatherRadius(const Tree& tree, const std::vector<float>& positions,
                          std::uint32_t seed) {
   if (tree.root.count == 0) return 0;
   const std::uint32_t k = std::min(kRadiusNeighbors, tree.root.count);
-  std::vector<float> squared_radii;
+  std::vector<float> radii;
   for (const std::uint32_t id : SamplePhotons(tree.root.count, seed)) {
     const float* p = &positions[3 * std::size_t{id}];
     const QueryAnswer answer =
         FindNearest(tree, {p[0], p[1], p[2]}, k, std::numeric_limits<float>::infinity());
-    const float squared_radius = answer.found.back().squared_distance;
-    if (squared_radius > 0) squared_radii.push_back(squared_radius);
+    radii.push_back(std::sqrt(answer.found.back().squared_distance));
   }
-  if (squared_radii.empty()) return 0;
-  const auto median = squared_radii.begin() + static_cast<std::ptrdiff_t>(squared_radii.size() / 2);
-  std::nth_element(squared_radii.begin(), median, squared_radii.end());
-  return std::sqrt(*median);
+  return MedianRadius(std::move(radii));
 }
 
 }  // namespace treelight

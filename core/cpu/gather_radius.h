@@ -19,10 +19,12 @@ inline constexpr std::uint32_t kRadiusNeighbors = 50;
 /// Functions for GPU Rendering") modulo `photon_count`, which is not 0.
 std::vector<std::uint32_t> SamplePhotons(std::uint32_t photon_count, std::uint32_t seed);
 
-/// The median over the sampled photons of the distance to the kRadiusNeighbors-th photon, itself
-/// included, or to the farthest where there are fewer: of m distances in ascending order, number
-/// m / 2 from 0. Distances of 0 are left out, since photons with so many duplicates tell nothing
-/// of the others. Scene units; 0 where no distance is left.
+/// The median of distances: of m in ascending order, number m / 2 from 0. Distances of 0 are left
+/// out, since photons with so many duplicates tell nothing of the others; 0 where none is left.
+float MedianRadius(std::vector<float> radii);
+
+/// The MedianRadius over the sampled photons of the distance to the kRadiusNeighbors-th photon,
+/// itself included, or to the farthest where there are fewer. Scene units.
 float SampleGatherRadius(const Tree& tree, const std::vector<float>& positions, std::uint32_t seed);
 
 }  // namespace treelight

@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_CORE_CPU_HYBRID_H_
 #define TREELIGHT_CORE_CPU_HYBRID_H_
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -12,7 +13,9 @@
 namespace treelight {
 
 /// `lbvh` while a subtree has more than T photons, then a sweep: the lbvh with leaves of T photons,
-/// each leaf replaced by the tree that a sweep makes of it.
+/// each leaf replaced by the tree that a sweep makes of it. The sweep knows of its depth only what
+/// the level of the cut above tells, as on the device: levels from positions grow on every path, so
+/// there are at most as many nodes above; where photons were cut by place alone, it halves.
 class HybridSplitter {
  public:
   struct Range : LbvhSplitter::Range {
@@ -30,9 +33,13 @@ class HybridSplitter {
       const auto [left, right] = lbvh_.Split(range);
       return {{left, false}, {right, false}};
     }
-    if (!range.swept) sweep_.Begin(range, lbvh_.LeafIds(range));
-    const auto [left, right] = sweep_.Split(range);
-    return {{{left, 0}, true}, {{right, 0}, true}};
+    PhotonRange swept = range;
+    if (!range.swept) {
+      sweep_.Begin(range, lbvh_.LeafIds(range));
+      swept.depth = SweepDepth(range.cut_level);
+    }
+    const auto [left, right] = sweep_.Split(swept);
+    return {{{left, 0, 0}, true}, {{right, 0, 0}, true}};
   }
 
   std::span<const std::uint32_t> LeafIds(const Range& range) {
@@ -41,6 +48,12 @@ class HybridSplitter {
   }
 
  private:
+  /// The depth that a sweep assumes.
+  static std::uint32_t SweepDepth(int cut_level) {
+    if (cut_level >= static_cast<int>(kLevelIndex)) return kMaxDepth;
+    return std::max(static_cast<std::uint32_t>(cut_level + 1), kMaxDepth - kSweepLevels);
+  }
+
   LbvhSplitter& lbvh_;
   SweepSplitter& sweep_;
   const std::uint32_t subtree_size_;

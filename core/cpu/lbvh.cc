@@ -64,12 +64,6 @@ MortonGrid PowerOfTwoGrid(const Box& box) {
   return grid;
 }
 
-/// The boundary within the range whose two places differ in the highest bit: the place after it.
-std::uint32_t CutByPlace(const PhotonRange& range) {
-  const std::uint32_t last = range.last - 1;
-  return last & ~((std::bit_floor(range.first ^ last)) - 1);
-}
-
 }  // namespace
 
 LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
@@ -90,7 +84,7 @@ LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
 }
 
 LbvhSplitter::Range LbvhSplitter::Root() const {
-  return {{0, static_cast<std::uint32_t>(ids_.size()), 0}, code_bits_};
+  return {{0, static_cast<std::uint32_t>(ids_.size()), 0}, code_bits_, -1};
 }
 
 Vec3 LbvhSplitter::PositionOf(std::uint32_t id) const {
@@ -119,15 +113,23 @@ void LbvhSplitter::SortByCodes(const PhotonRange& range, const MortonGrid& grid,
   }
 }
 
-std::uint32_t LbvhSplitter::FindCodeCut(const PhotonRange& range) const {
+LbvhSplitter::Cut LbvhSplitter::CutByPlace(const PhotonRange& range) {
+  // The boundary whose two places differ in the highest bit.
+  const std::uint32_t last = range.last - 1, difference = range.first ^ last;
+  const auto level = static_cast<std::uint32_t>(std::countl_zero(difference));
+  return {last & ~(std::bit_floor(difference) - 1), kLevelIndex + level};
+}
+
+LbvhSplitter::Cut LbvhSplitter::FindCodeCut(const Range& range) const {
   const std::uint64_t bit = std::bit_floor(codes_[range.first] ^ codes_[range.last - 1]);
   const auto begin = codes_.begin() + range.first, end = codes_.begin() + range.last;
   const auto cut =
       std::partition_point(begin, end, [bit](std::uint64_t code) { return (code & bit) == 0; });
-  return static_cast<std::uint32_t>(cut - codes_.begin());
+  return {static_cast<std::uint32_t>(cut - codes_.begin()),
+          range.level - static_cast<std::uint32_t>(std::bit_width(bit))};
 }
 
-std::uint32_t LbvhSplitter::CutTies(Range& range) {
+LbvhSplitter::Cut LbvhSplitter::CutTies(Range& range) {
   if (layout_ == MortonLayout::kPerAxis) return CutByPlace(range);
   Box box;
   for (const std::uint32_t id : LeafIds(range)) box.Extend(PositionOf(id));
@@ -142,16 +144,17 @@ std::uint32_t LbvhSplitter::CutTies(Range& range) {
                    [&](std::uint32_t a, std::uint32_t b) {
                      return Component(PositionOf(a), axis) < Component(PositionOf(b), axis);
                    });
-  ++range.level;
-  return range.first + WholeLeavesMedian(range.count(), max_leaf_size_);
+  const std::uint32_t level = range.level++;
+  return {range.first + WholeLeavesMedian(range.count(), max_leaf_size_), level};
 }
 
 std::pair<LbvhSplitter::Range, LbvhSplitter::Range> LbvhSplitter::Split(const Range& range) {
   Range whole = range;
   const bool tied = codes_[range.first] == codes_[range.last - 1];
-  const std::uint32_t middle = tied ? CutTies(whole) : FindCodeCut(whole);
-  return {{{range.first, middle, range.depth + 1}, whole.level},
-          {{middle, range.last, range.depth + 1}, whole.level}};
+  const Cut cut = tied ? CutTies(whole) : FindCodeCut(whole);
+  const int level = static_cast<int>(cut.level);
+  return {{{range.first, cut.place, range.depth + 1}, whole.level, level},
+          {{cut.place, range.last, range.depth + 1}, whole.level, level}};
 }
 
 LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,

@@ -24,6 +24,7 @@ class LbvhSplitter {
  public:
   struct Range : PhotonRange {
     std::uint32_t level = 0;  ///< next free level, see BreakTies of core/gpu/ties.h
+    int cut_level = -1;       ///< of the cut that the range comes from; -1: none
   };
 
   LbvhSplitter(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
@@ -40,8 +41,13 @@ class LbvhSplitter {
  private:
   Vec3 PositionOf(std::uint32_t id) const;
   void SortByCodes(const PhotonRange& range, const MortonGrid& grid, unsigned bits_per_axis);
-  std::uint32_t FindCodeCut(const PhotonRange& range) const;
-  std::uint32_t CutTies(Range& range);
+  struct Cut {
+    std::uint32_t place;  ///< the first on the right
+    std::uint32_t level;  ///< kLevelIndex and up: by place
+  };
+  static Cut CutByPlace(const PhotonRange& range);
+  Cut FindCodeCut(const Range& range) const;
+  Cut CutTies(Range& range);
 
   const std::vector<float>& positions_;
   const MortonLayout layout_;

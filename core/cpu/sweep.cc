@@ -46,16 +46,17 @@ SweepSplitter::SweepSplitter(const std::vector<float>& positions, const Measure&
 
 void SweepSplitter::Begin(const Range& range, std::span<const std::uint32_t> ids) {
   ForEachAxis(range, [&](int axis) {
+    std::vector<std::pair<float, std::uint32_t>> places(ids.size());  // coordinate, place in `ids`
+    for (std::uint32_t i = 0; i < ids.size(); ++i) {
+      places[i] = {positions_[3 * std::size_t{ids[i]} + axis] + 0.0f, i};
+    }
+    tbb::parallel_sort(places.begin(), places.end());
     LeafPhoton* photons = orders_[axis].data() + range.first;
     for (std::size_t i = 0; i < ids.size(); ++i) {
-      const float* p = &positions_[3 * std::size_t{ids[i]}];
-      photons[i] = {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, ids[i]};
+      const std::uint32_t id = ids[places[i].second];
+      const float* p = &positions_[3 * std::size_t{id}];
+      photons[i] = {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id};
     }
-    tbb::parallel_sort(photons, photons + range.count(),
-                       [axis](const LeafPhoton& a, const LeafPhoton& b) {
-                         const float u = Coordinate(a, axis), v = Coordinate(b, axis);
-                         return u < v || (u == v && a.id < b.id);
-                       });
   });
 }
 
@@ -125,7 +126,6 @@ std::pair<PhotonRange, PhotonRange> SweepSplitter::Split(const Range& range) {
 std::span<const std::uint32_t> SweepSplitter::LeafIds(const Range& range) {
   const auto ids = std::span(leaf_ids_).subspan(range.first, range.count());
   for (std::uint32_t i = 0; i < ids.size(); ++i) ids[i] = orders_[0][range.first + i].id;
-  std::sort(ids.begin(), ids.end());
   return ids;
 }
 

@@ -17,10 +17,11 @@ namespace treelight {
 /// MacDonald and Booth 1990 over tight boxes, as Wald 2007 has it for BVHs):
 ///   cost = M(left) * T(left count) + M(right) * T(right count)
 /// M is the heuristic's measure; T(n) = n, or ceil(n / B) with kLeafSize. In float32, the two
-/// products rounded, then their sum. Photons are swept in the order of (coordinate, photon index).
-/// Of equal costs the cut nearest the middle wins, then the axis on which the tight box is longer,
-/// then the lower axis, then the lower place. (By sah all cuts of a line cost 0, also those on an
-/// axis on which its photons are equal.)
+/// products rounded, then their sum. Photons are swept in the order of the coordinate, of equal
+/// ones in the order given to Begin. Of equal costs the cut nearest the middle wins, then the axis
+/// on which the tight box is longer, then the lower axis, then the lower place. Photons of a leaf
+/// lie in the order of the first axis. (By sah all cuts of a line cost 0, also those on an axis on
+/// which its photons are equal.)
 class SweepSplitter {
  public:
   using Range = PhotonRange;

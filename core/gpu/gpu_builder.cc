@@ -13,8 +13,10 @@
 #include "core/gpu/morton.h"
 #include "core/gpu/placed_photons.h"
 #include "core/gpu/radix_sort.h"
+#include "core/gpu/sample_radius.h"
 #include "core/gpu/split_levels.h"
 #include "core/gpu/statistics.h"
+#include "core/gpu/sweep.h"
 #include "core/gpu/ties.h"
 #include "core/model/morton_grid.h"
 #include "core/model/tree.h"
@@ -65,22 +67,70 @@ SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::s
   return {std::move(codes.values), std::move(levels)};
 }
 
-PlacedPhotons PlaceLbvh(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
-                        const Box& bounds, const BuildOptions& options,
-                        const CancelCheck& cancelled, StageTimer& timer) {
-  const auto bits = static_cast<unsigned>(options.morton_bits);
-  const MortonGrid grid = MakeMortonGrid(bounds, bits / 3);
-  SortedPhotons sorted = options.morton_bits == MortonBits::k63
-                             ? SortPhotons<cl_ulong>(gpu, positions, count, grid, bits, timer)
-                             : SortPhotons<cl_uint>(gpu, positions, count, grid, bits, timer);
-  BreakTies(gpu, positions, count, bits, options.max_leaf_size, sorted.ids, sorted.levels,
-            cancelled);
-  timer.Mark("ties");
-  Leaves leaves = FindLeaves(gpu, sorted.levels, count, options.max_leaf_size);
-  timer.Mark("leaves");
-  Buffer<LeafPhoton> photons = PermutePhotons(gpu, positions, sorted.ids, count);
-  timer.Mark("permute");
+/// What all builders of the device start from.
+struct BuildInput {
+  const Gpu& gpu;
+  const std::vector<float>& host_positions;  ///< [3n] scene units
+  Buffer<float> positions;                   ///< the same
+  Box bounds;
+  const BuildOptions& options;
+  const CancelCheck& cancelled;
+  StageTimer& timer;
+
+  std::size_t count() const { return host_positions.size() / 3; }
+};
+
+PlacedPhotons PlaceLbvh(const BuildInput& in, std::uint32_t max_leaf_size) {
+  const auto bits = static_cast<unsigned>(in.options.morton_bits);
+  const MortonGrid grid = MakeMortonGrid(in.bounds, bits / 3);
+  SortedPhotons sorted =
+      in.options.morton_bits == MortonBits::k63
+          ? SortPhotons<cl_ulong>(in.gpu, in.positions, in.count(), grid, bits, in.timer)
+          : SortPhotons<cl_uint>(in.gpu, in.positions, in.count(), grid, bits, in.timer);
+  BreakTies(in.gpu, in.positions, in.count(), bits, max_leaf_size, sorted.ids, sorted.levels,
+            in.cancelled);
+  in.timer.Mark("ties");
+  Leaves leaves = FindLeaves(in.gpu, sorted.levels, in.count(), max_leaf_size);
+  in.timer.Mark("leaves");
+  Buffer<LeafPhoton> photons = PermutePhotons(in.gpu, in.positions, sorted.ids, in.count());
+  in.timer.Mark("permute");
+  ThrowIfCancelled(in.cancelled);
   return {std::move(photons), std::move(leaves), std::move(sorted.levels)};
+}
+
+/// The radius of the options, else one sampled by gathers of the tree over `placed`, 0 where none
+/// is needed.
+float ResolveRadius(const BuildInput& in, const PlacedPhotons& placed) {
+  if (in.options.radius > 0 || !NeedsRadius(in.options)) return in.options.radius;
+  const DeviceTree tree = BuildHierarchy(in.gpu, placed.levels, placed.leaves, placed.photons);
+  const float radius = SampleGatherRadius(in.gpu, tree, in.host_positions, in.options.seed);
+  in.timer.Mark("radius");
+  return radius;
+}
+
+PlacedPhotons PlaceHybrid(const BuildInput& in, float& radius) {
+  PlacedPhotons subtrees = PlaceLbvh(in, in.options.subtree_size);
+  radius = ResolveRadius(in, subtrees);
+  PlacedPhotons placed = SweepSubtrees(in.gpu, std::move(subtrees), in.options.subtree_size,
+                                       Measure(in.options.heuristic, in.bounds, radius),
+                                       in.options.leaf_term, in.options.max_leaf_size);
+  in.timer.Mark("sweep");
+  return placed;
+}
+
+/// Whether the device has the stages of a tree.
+bool IsBuiltOnDevice(const BuildOptions& options) {
+  return options.builder == BuilderKind::kLbvh ||
+         (options.builder == BuilderKind::kHybrid && options.subtree_size <= kMaxSweptSubtree);
+}
+
+PlacedPhotons PlacePhotons(const BuildInput& in, float& radius) {
+  switch (in.options.builder) {
+    case BuilderKind::kHybrid:
+      return PlaceHybrid(in, radius);
+    default:
+      return PlaceLbvh(in, in.options.max_leaf_size);
+  }
 }
 
 /// Builds the nodes of `map` over its photons.
@@ -110,7 +160,7 @@ class GpuBuilder : public Builder {
     if (const auto status = CheckFits(gpu_.device->info(), photons, options); !status.ok())
       return status;
     std::optional<MeasuredCpuTree> cpu_tree;
-    if (options.builder != BuilderKind::kLbvh) {
+    if (!IsBuiltOnDevice(options)) {
       auto built = BuildMeasuredCpuTree(photons.positions, options, cancelled);
       if (!built.ok()) return built.status();
       cpu_tree = *std::move(built);
@@ -129,15 +179,20 @@ class GpuBuilder : public Builder {
     StageTimer timer(gpu_.queue());
     DeviceMap map = StartMap(photons, options);
     map.report.radius = options.radius;
-    const auto positions = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.positions);
+    BuildInput in{.gpu = gpu_,
+                  .host_positions = photons.positions,
+                  .positions = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.positions),
+                  .bounds = {},
+                  .options = options,
+                  .cancelled = cancelled,
+                  .timer = timer};
     timer.Mark("upload");
-    const Box bounds = ComputeBounds(gpu_, positions, photons.size());
+    in.bounds = ComputeBounds(gpu_, in.positions, photons.size());
     timer.Mark("bounds");
-    map.grid = MakeMortonGrid(bounds, 10);
+    map.grid = MakeMortonGrid(in.bounds, 10);
     if (photons.size() > 0) {
       ThrowIfCancelled(cancelled);
-      BuildNodes(PlaceLbvh(gpu_, positions, photons.size(), bounds, options, cancelled, timer), map,
-                 timer);
+      BuildNodes(PlacePhotons(in, map.report.radius), map, timer);
     }
     FinishMap(timer, map);
     return map;

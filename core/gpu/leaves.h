@@ -13,6 +13,10 @@ struct Leaves {
       firsts;  ///< [leaf_count + 1] first photon of each leaf in leaf order, then the photon count
 };
 
+/// Lists the leaves where `flags` [count + 1] are 1 and the last of them is 0; uses the flags up.
+/// Waits.
+Leaves ListLeaves(const Gpu& gpu, const Buffer<cl_uint>& flags, std::size_t count);
+
 /// Finds the maximal subtrees of at most `max_leaf_size` of `count` photons (leaves.cl). Waits.
 Leaves FindLeaves(const Gpu& gpu, const Buffer<cl_uchar>& levels, std::size_t count,
                   std::uint32_t max_leaf_size);

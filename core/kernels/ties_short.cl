@@ -98,7 +98,8 @@ kernel void tie_short_runs(global const float* restrict positions, const uint n,
   for (uint heads = sub_group_vote(head); heads != 0; heads &= heads - 1) {
     const uint first = i - sub_group_lane() + ctz(heads);
     const uint length = run_length(levels, n, first);
-    if (length <= max_leaf_size) continue;
+    if (length <= min(max_leaf_size, (uint)TIE_SHORT_RUN)) continue;
+    // Of a longer run only ties.cl knows whether it is longer than a leaf.
     const bool done = length <= TIE_SHORT_RUN &&
                       rebuild_run(positions, first, length, max_leaf_size, base, keys, ids, levels);
     if (!done && sub_group_lane() == 0) rest[0] = 1;  // all writers write the same

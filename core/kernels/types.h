@@ -95,6 +95,8 @@ typedef struct MortonGrid {
  * subtree, the one with the larger level is where the subtree meets its sibling. Levels below
  * kLevelIndex come from positions; kLevelIndex and up split photons by their place alone. */
 TREELIGHT_SHARED kLevelIndex = 128u;
+/** Level of the first cut of a subtree that a sweep rebuilds, and how many follow. */
+TREELIGHT_SHARED kLevelSweep = 160u, kSweepLevels = 95u;
 TREELIGHT_SHARED kLevelSame = 254u; /**< photons of equal codes at one position */
 TREELIGHT_SHARED kLevelTied = 255u; /**< photons of equal codes, not yet told apart */
 
@@ -125,6 +127,19 @@ typedef struct GatherParams {
   uint has_radii;      /**< a radius for each query */
   uint has_normals;    /**< a normal for each query */
 } GatherParams;
+
+/** Measure of boxes, see core/model/heuristic.h. */
+typedef struct MeasureParams {
+  float prescale, scale, grow;
+  uint volume; /**< the volume, else half of the surface area */
+} MeasureParams;
+
+/** Arguments of the sweep that are the same for all subtrees. */
+typedef struct SweepParams {
+  MeasureParams measure;
+  uint max_leaf_size; /**< B, photons */
+  uint unit_size;     /**< costs grow with the count of photons over this, rounded up: 1 or B */
+} SweepParams;
 
 #ifndef __OPENCL_C_VERSION__
 static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16 && sizeof(WideBox) == 32);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/kernels/types.h"
 #include "core/model/box.h"
 
 namespace treelight {
@@ -36,19 +37,18 @@ class Measure {
   Measure(Heuristic heuristic, const Box& root, float radius);
 
   float operator()(const Box& box) const {
-    const float dx = ((box.max.x - box.min.x) * prescale_) * scale_ + grow_;
-    const float dy = ((box.max.y - box.min.y) * prescale_) * scale_ + grow_;
-    const float dz = ((box.max.z - box.min.z) * prescale_) * scale_ + grow_;
-    return volume_ ? (dx * dy) * dz : (dx * dy + dy * dz) + dz * dx;
+    const auto& [prescale, scale, grow, volume] = params_;
+    const float dx = ((box.max.x - box.min.x) * prescale) * scale + grow;
+    const float dy = ((box.max.y - box.min.y) * prescale) * scale + grow;
+    const float dz = ((box.max.z - box.min.z) * prescale) * scale + grow;
+    return volume != 0 ? (dx * dy) * dz : (dx * dy + dy * dz) + dz * dx;
   }
 
-  float prescale() const { return prescale_; }
-  float scale() const { return scale_; }
-  float grow() const { return grow_; }
+  /// For kernels.
+  const MeasureParams& params() const { return params_; }
 
  private:
-  bool volume_ = false;
-  float prescale_ = 1, scale_ = 1, grow_ = 0;
+  MeasureParams params_{1, 1, 0, 0};
 };
 
 }  // namespace treelight
