@@ -222,6 +222,28 @@ TEST(TreeletSearchTest, TouchingBoxesAreSeparable) {
   EXPECT_FLOAT_EQ(plan.cost, cost.measure(kUnitCube) + cost.measure({{0, 0, 0}, {0.5f, 1, 1}}));
 }
 
+// Two patches of a floor and what stands on both: a cut between floor and the rest is cheapest by
+// area, but all of the floor would touch the rest.
+TEST(TreeletSearchTest, PartsThatTouchAreTheLastResort) {
+  const Box left_floor = {{0, 0, 0}, {0.4f, 0, 1}}, right_floor = {{0.6f, 0, 0}, {1, 0, 1}};
+  const Box left_thing = {{0.1f, 0, 0.1f}, {0.4f, 0.2f, 0.9f}},
+            right_thing = {{0.6f, 0, 0.1f}, {0.9f, 0.2f, 0.9f}};
+  std::vector<Subtree> leaves;
+  for (const Box& box : {left_floor, right_floor, left_thing, right_thing}) {
+    leaves.push_back({.box = box, .count = 1});
+  }
+  const TreeletCost cost = MakeCost(Heuristic::kSah, LeafTerm::kNone, 1);
+  SetCosts(cost, leaves);
+  const TreeletPlan plan = MakeKdTreeletSearch(cost)->Find(leaves);
+  ASSERT_EQ(plan.joint_count, 3u);
+  // First left from right, where a plane lies between; within each the floor touches the thing.
+  std::vector<Subtree> parts = leaves;
+  for (const auto& [left, right] : plan.joints) parts.push_back(Unite(parts[left], parts[right]));
+  const auto [left, right] = plan.joints[2];
+  EXPECT_EQ(parts[left].box, (Box{{0, 0, 0}, {0.4f, 0.2f, 1}}));
+  EXPECT_EQ(parts[right].box, (Box{{0.6f, 0, 0}, {1, 0.2f, 1}}));
+}
+
 TEST(TreeletSearchTest, AgglomerationJoinsTheNearestFirst) {
   // On a line at 0, 1, 10, 12: (0 1), then (10 12), then both.
   std::vector<Subtree> leaves;

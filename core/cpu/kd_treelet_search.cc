@@ -62,19 +62,27 @@ class KdTreeletSearch : public TreeletSearch {
     }
     const auto [box, count] = Unite(leaves_, subset);
     float best = kInfinity;
-    for (int axis = 0; axis < 3; ++axis) Sweep(subset, axis, best, solved.left);
+    for (int axis = 0; axis < 3; ++axis) Sweep(subset, axis, Cut::kApart, best, solved.left);
+    if (best == kInfinity) {
+      for (int axis = 0; axis < 3; ++axis) Sweep(subset, axis, Cut::kTouching, best, solved.left);
+    }
     solved.cost = cost_.Node(box, count, best).cost;
     return solved;
   }
 
+  /// What a cut may leave between its parts.
+  enum class Cut { kApart, kTouching };
+
   /// Tries the cuts of the subset on one axis.
-  void Sweep(std::uint32_t subset, int axis, float& best, std::uint32_t& best_left) {
+  void Sweep(std::uint32_t subset, int axis, Cut cut, float& best, std::uint32_t& best_left) {
     std::uint32_t left = 0;
     float reach = 0;  // largest maximum of `left`
     for (std::size_t i = 0; i < leaves_.size(); ++i) {
       const std::uint32_t leaf = orders_[axis][i];
       if ((subset >> leaf & 1) == 0) continue;
-      if (left != 0 && reach <= Min(leaf, axis)) {
+      const bool separates =
+          cut == Cut::kApart ? reach < Min(leaf, axis) : reach <= Min(leaf, axis);
+      if (left != 0 && separates) {
         const float parts = Solve(left).cost + Solve(subset ^ left).cost;
         if (parts < best) {
           best = parts;

@@ -72,9 +72,13 @@ class TreeletSearch {
 /// The cheapest k-d tree (Bulavintsev and Zhdanov 2020: partitions whose parts overlap cost
 /// infinity), by dynamic programming over the subsets that cuts can reach. The leaves of a subset
 /// are swept along each axis in the order of (minimum, maximum, index); a cut is possible where the
-/// largest maximum before it is at most the minimum after it, that is, where an axis-aligned plane
-/// separates the parts. So a subset of m leaves has at most 3 (m - 1) partitions. Of equal costs
-/// the first wins: lower axis, then lower cut. A subset that no cut separates can still be a leaf;
+/// largest maximum before it is less than the minimum after it: an axis-aligned plane lies between
+/// the parts. So a subset of m leaves has at most 3 (m - 1) partitions. Where a subset has no such
+/// cut of finite cost, one is possible where the two are equal and the parts touch; photons in that
+/// plane may lie in both parts' boxes. On a floor that is an axis-aligned plane most would, of all
+/// that touches it: costs, which are sums over nodes, do not see that searches for the nearest then
+/// cannot tell which part to visit first, and visit up to a quarter more nodes. Of equal costs the
+/// first wins: lower axis, then lower cut. A subset that no cut separates can still be a leaf;
 /// below it the plan is a chain. Size at most 16.
 std::unique_ptr<TreeletSearch> MakeKdTreeletSearch(const TreeletCost& cost);
 
