@@ -10,7 +10,7 @@ packages=(
   ocl-icd-opencl-dev opencl-clhpp-headers pocl-opencl-icd
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libxxhash-dev prometheus-cpp-dev
   libassimp-dev liblzma-dev
-  libgtest-dev libgmock-dev python3-grpcio python3-numpy
+  libgtest-dev libgmock-dev python3-grpcio python3-matplotlib python3-numpy
   dpkg-dev file help2man
 )
 

@@ -48,6 +48,14 @@ struct UploadOptions {
   std::function<void(std::uint64_t photons_sent)> progress{};
 };
 
+/// What another map from the same photons is like.
+struct RebuildOptions {
+  std::string name{};                        ///< empty: that of the source
+  v1::BuildOptions build{};                  ///< zeros: the server's defaults
+  std::chrono::milliseconds time_to_live{};  ///< 0: the map stays
+  std::string request_id{};  ///< empty: a random one, so that a retry inside the library is safe
+};
+
 /// Answer of a batch, and which version gave it.
 struct GatherAnswer {
   GatherResult result{};
@@ -61,8 +69,8 @@ struct GatherAnswer {
 /// UNAVAILABLE where no server answers. `timeout` bounds each call; zero means none.
 ///
 /// A server that has no room at present refuses with RESOURCE_EXHAUSTED and says when to repeat.
-/// BuildPhotonMap and Gather then wait and repeat by themselves, as long as the timeout allows and
-/// at most RetryPatience() together; GatherPipeline does not. The last refusal is returned; its
+/// BuildPhotonMap, RebuildPhotonMap and Gather then wait and repeat by themselves, as long as the
+/// timeout allows and at most RetryPatience() together; GatherPipeline does not. The last refusal is returned; its
 /// message has the limit, what was asked and when to repeat.
 class PhotonMapClient {
  public:
@@ -95,6 +103,10 @@ class PhotonMapClient {
   absl::StatusOr<v1::BuildPhotonMapResponse> BuildPhotonMap(const std::string& name,
                                                             const Photons& photons,
                                                             const UploadOptions& options = {});
+
+  /// Builds another map from the photons of `source`, which the server has.
+  absl::StatusOr<v1::BuildPhotonMapResponse> RebuildPhotonMap(const MapRef& source,
+                                                              const RebuildOptions& options = {});
 
   /// Answers a batch of any size: it goes to the server in parts over one stream, and the parts are
   /// put together. All parts are answered by one version.

@@ -7,7 +7,7 @@
 #include "client/upload_call.h"
 #include "fmt/format.h"
 
-// PhotonMapClient::BuildPhotonMap: photons go to the server in chunks.
+// PhotonMapClient::BuildPhotonMap, whose photons go to the server in chunks, and RebuildPhotonMap.
 namespace treelight::client {
 namespace {
 
@@ -17,6 +17,10 @@ constexpr int kAttemptCount = 2;
 std::string RandomId() {
   std::random_device random;
   return fmt::format("{:08x}{:08x}{:08x}{:08x}", random(), random(), random(), random());
+}
+
+std::uint64_t Milliseconds(std::chrono::milliseconds time) {
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(0, time.count()));
 }
 
 absl::Status CheckLengths(const Photons& photons) {
@@ -45,8 +49,7 @@ v1::BuildPhotonMapRequest MakeHeader(const std::string& name, const Photons& pho
   header.set_has_powers(!photons.powers.empty());
   header.set_has_directions(!photons.directions.empty());
   *header.mutable_options() = options.build;
-  header.set_time_to_live_ms(
-      static_cast<std::uint64_t>(std::max<std::int64_t>(0, options.time_to_live.count())));
+  header.set_time_to_live_ms(Milliseconds(options.time_to_live));
   header.set_request_id(request_id);
   return request;
 }
@@ -77,6 +80,14 @@ std::size_t PhotonsPerChunk(const Photons& photons, const v1::ServerLimits& limi
                                std::min(kMaxChunkBytes, limits.max_chunk_bytes()) / photon_bytes);
 }
 
+absl::StatusOr<v1::BuildPhotonMapResponse> Checked(
+    absl::StatusOr<v1::BuildPhotonMapResponse> response) {
+  if (response.ok() && (response->map().name().empty() || response->map().version() == 0)) {
+    return absl::InternalError("malformed answer from the server: it names no map");
+  }
+  return response;
+}
+
 // One attempt. The server may answer before it has read all, when it knows the request id.
 absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& stub,
                                                   const v1::BuildPhotonMapRequest& header,
@@ -90,11 +101,19 @@ absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& st
     open = call.Write(MakeChunk(photons, first, count));
     if (open && options.progress) options.progress(first + count);
   }
-  auto response = call.Finish();
-  if (response.ok() && (response->map().name().empty() || response->map().version() == 0)) {
-    return absl::InternalError("malformed answer from the server: it names no map");
+  return Checked(call.Finish());
+}
+
+/// Makes `attempt` again where the connection broke, which leaves open whether the map was built;
+/// the request id makes it safe to ask again.
+template <typename Attempt, typename Forget>
+absl::StatusOr<v1::BuildPhotonMapResponse> Insist(Attempt attempt, Forget forget_limits) {
+  for (int count = 1;; ++count) {
+    auto response = attempt();
+    if (response.ok()) return response;
+    forget_limits();
+    if (!absl::IsUnavailable(response.status()) || count == kAttemptCount) return response;
   }
-  return response;
 }
 
 }  // namespace
@@ -107,17 +126,34 @@ absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::BuildPhotonMap(
   if (!limits.ok()) return limits.status();
   const auto header = MakeHeader(name, photons, options,
                                  options.request_id.empty() ? RandomId() : options.request_id);
-  // A connection that breaks leaves open whether the map was built; the request id makes it safe to
-  // ask again.
-  for (int attempt = 1;; ++attempt) {
-    auto response = impl_->Repeat(deadline, [&] {
-      return Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options,
-                    deadline);
-    });
-    if (response.ok()) return response;
-    impl_->ForgetLimits();
-    if (!absl::IsUnavailable(response.status()) || attempt == kAttemptCount) return response;
-  }
+  return Insist(
+      [&] {
+        return impl_->Repeat(deadline, [&] {
+          return Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options,
+                        deadline);
+        });
+      },
+      [&] { impl_->ForgetLimits(); });
+}
+
+absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::RebuildPhotonMap(
+    const MapRef& source, const RebuildOptions& options) {
+  const Deadline deadline = impl_->NextDeadline();
+  v1::RebuildPhotonMapRequest request;
+  request.set_name(source.name);
+  request.set_version(source.version);
+  request.set_new_name(options.name);
+  *request.mutable_options() = options.build;
+  request.set_time_to_live_ms(Milliseconds(options.time_to_live));
+  request.set_request_id(options.request_id.empty() ? RandomId() : options.request_id);
+  return Insist(
+      [&] {
+        return impl_->Repeat(deadline, [&] {
+          return Checked(
+              impl_->Call(&v1::PhotonMapService::Stub::RebuildPhotonMap, request, deadline));
+        });
+      },
+      [&] { impl_->ForgetLimits(); });
 }
 
 }  // namespace treelight::client

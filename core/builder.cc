@@ -96,7 +96,7 @@ bool ReadsHeuristic(BuilderKind builder) {
 }
 
 std::uint64_t HostBuildBytes(const BuildOptions& options, std::uint64_t photon_count) {
-  if (options.builder == BuilderKind::kLbvh) return 0;
+  if (options.builder == BuilderKind::kLbvh || options.builder == BuilderKind::kHybrid) return 0;
   // A pair of subtrees for each boundary between photons, the photons three times, their ids in
   // three orders, and the tree itself.
   constexpr std::uint64_t kPhotonBytes = 104 + 3 * sizeof(LeafPhoton) + 24;

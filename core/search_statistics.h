@@ -14,6 +14,8 @@ struct SearchStatistics {
                            ///< and Zhdanov 2020 search
   double knn50_nodes = 0, knn50_tests = 0;  ///< the 50 nearest
   double r50_nodes = 0, r50_tests = 0;      ///< all within the distance of the 50th nearest
+
+  friend bool operator==(const SearchStatistics&, const SearchStatistics&) = default;
 };
 
 /// Measures by three gathers of `map`. Zeros where there are no queries.

@@ -38,8 +38,12 @@ void AddCompareCommand(CLI::App& app,
 void AddGatherCommand(CLI::App& app,
                       GlobalOptions& global);  ///< `gather`: a query file becomes answers in CSV
 void AddMapsCommand(CLI::App& app, GlobalOptions& global);  ///< `maps`: list, show and delete maps
+void AddMeasureCommand(CLI::App& app, GlobalOptions& global);  ///< `measure`: what searches cost
+void AddRebuildCommand(CLI::App& app,
+                       GlobalOptions& global);  ///< `rebuild`: a map becomes another one
 void AddRenderCommand(CLI::App& app,
                       GlobalOptions& global);  ///< `render`: a scene becomes a picture
+void AddStudyCommand(CLI::App& app, GlobalOptions& global);  ///< `study`: the paper's experiment
 void AddTraceCommand(CLI::App& app,
                      GlobalOptions& global);  ///< `trace`: a scene becomes a photon file
 

@@ -65,7 +65,10 @@ int Main(int argc, char** argv) {
   AddCompareCommand(app, global);
   AddGatherCommand(app, global);
   AddMapsCommand(app, global);
+  AddMeasureCommand(app, global);
+  AddRebuildCommand(app, global);
   AddRenderCommand(app, global);
+  AddStudyCommand(app, global);
   AddTraceCommand(app, global);
   try {
     app.parse(argc, argv);

@@ -1,5 +1,6 @@
 #include "client/commands/map_table.h"
 
+#include "client/commands/build_options.h"
 #include "client/commands/output.h"
 #include "client/table.h"
 #include "fmt/format.h"
@@ -42,13 +43,13 @@ std::string FormatMap(const v1::PhotonMap& map) {
           {"created", FormatTime(map.created_unix_ms()) + " UTC"},
           {"expires",
            map.expires_unix_ms() == 0 ? "never" : FormatTime(map.expires_unix_ms()) + " UTC"},
-          {"options", fmt::format("{} Morton bits, at most {} photons in a leaf",
-                                  map.options().morton_bits(), map.options().max_leaf_size())},
+          {"options", DescribeOptions(map)},
           {"tree",
            fmt::format(
                "{} inner nodes, {} leaves of {:.2f} photons, depth {} (mean {:.1f}), SAH {:.2f}",
                tree.node_count(), tree.leaf_count(), tree.leaf_fill(), tree.depth(),
-               tree.mean_leaf_depth(), tree.sah_cost())}}};
+               tree.mean_leaf_depth(), tree.sah_cost()) +
+               (tree.isa_cost() > 0 ? fmt::format(", isa {:.2f}", tree.isa_cost()) : "")}}};
   std::string text = Format(table);
   if (map.build_stages().empty()) return text;
   text.push_back('\n');

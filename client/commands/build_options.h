@@ -1,0 +1,34 @@
+#ifndef TREELIGHT_CLIENT_COMMANDS_BUILD_OPTIONS_H_
+#define TREELIGHT_CLIENT_COMMANDS_BUILD_OPTIONS_H_
+
+#include <string>
+
+#include "CLI/CLI.hpp"
+#include "treelight/v1/photon_map.pb.h"
+
+namespace treelight::client {
+
+/// What a command line says of how a tree is built; zeros: the server's defaults.
+struct BuildChoice {
+  std::string builder;  ///< as SetBuilder takes it; empty: the server's default
+  v1::BuildOptions options;
+
+  /// `options` with the builder. CLI::ValidationError: --builder names a heuristic, and --heuristic
+  /// another one.
+  v1::BuildOptions Options() const;
+};
+
+/// Adds --builder, --heuristic, --leaf-term, --treelet-size, --rounds, --leaf-size, --radius,
+/// --subtree-size, --morton-bits and --seed to `command`. They are parsed to `choice`, which must
+/// outlive the parsing.
+void AddBuildOptions(CLI::App& command, BuildChoice& choice);
+
+/// Adds --ttl, in seconds, and --request-id.
+void AddBuildLifeOptions(CLI::App& command, double& time_to_live_s, std::string& request_id);
+
+/// How the tree of `map` was built, for people: "treelet by isa with the leaf term, ...".
+std::string DescribeOptions(const v1::PhotonMap& map);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_COMMANDS_BUILD_OPTIONS_H_

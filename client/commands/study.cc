@@ -1,0 +1,202 @@
+#include "client/study/study.h"
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/commands/check.h"
+#include "client/commands/command.h"
+#include "client/commands/output.h"
+#include "client/commands/server_option.h"
+#include "client/output_file.h"
+#include "client/study/charts.h"
+#include "client/study/study_scene.h"
+#include "client/study/summary.h"
+#include "fmt/format.h"
+
+namespace treelight::client {
+namespace {
+
+struct Options {
+  StudyPlan plan;
+  std::string output = "study";
+  std::vector<std::string> from;  // study.csv files
+  bool quick = false, charts = true;
+};
+
+std::string InFolder(const Options& options, const std::string& name) {
+  return (std::filesystem::path(options.output) / name).string();
+}
+
+/// What can be seen in seconds: one built-in scene, few photons, few kinds of trees.
+StudyPlan QuickPlan() {
+  return {.scenes = {"conference"},
+          .scene_folder = {},
+          .seeds = 2,
+          .queries = 300,
+          .image_photons = 10'000,
+          .light_photons = {10'000},
+          .leaf_sizes = {4, 8, 16, 32},
+          .hard_photons = 2'000,
+          .few = true};
+}
+
+absl::Status WriteFile(const std::string& path, const std::string& text) {
+  auto file = OutputFile::Create(path);
+  if (!file.ok()) return file.status();
+  if (auto status = file->Write(text); !status.ok()) return status;
+  return file->Commit();
+}
+
+/// Runs the study; study.csv has what was measured, also where it ends with an error.
+absl::Status Measure(const Options& options, const GlobalOptions& global) {
+  const auto client = Connect(global);
+  if (!client.ok()) return client.status();
+  auto file = OutputFile::Create(InFolder(options, "study.csv"));
+  if (!file.ok()) return file.status();
+  if (auto status = file->Write(StudyCsvHeader()); !status.ok()) return status;
+  PhotonSetName photons;  // of the last row
+  const StudyListener listener{.row =
+                                   [&](const StudyRow& row) {
+                                     if (row.photons != photons) {
+                                       photons = row.photons;
+                                       fmt::print(stderr, "{}, {}{}{}, {} photons, seed {}\n",
+                                                  photons.scene, photons.set,
+                                                  photons.camera.empty() ? "" : " ", photons.camera,
+                                                  photons.photons, photons.seed);
+                                     }
+                                     return file->Write(StudyCsvLine(row));
+                                   },
+                               .note = [](const std::string& line) { Warn(line); }};
+  absl::Status status = RunStudy(**client, options.plan, listener);
+  status.Update(file->Commit());
+  return status;
+}
+
+absl::StatusOr<std::vector<StudyRow>> Read(const std::vector<std::string>& paths) {
+  std::vector<StudyRow> rows;
+  for (const std::string& path : paths) {
+    std::ifstream stream(path, std::ios::binary);
+    if (!stream) return absl::NotFoundError(fmt::format("{} cannot be read", path));
+    const std::string text{std::istreambuf_iterator<char>(stream), {}};
+    auto more = ParseStudyCsv(text, path);
+    if (!more.ok()) return more.status();
+    std::move(more->begin(), more->end(), std::back_inserter(rows));
+  }
+  return rows;
+}
+
+absl::Status Run(const Options& options, const GlobalOptions& global) {
+  std::error_code error;
+  std::filesystem::create_directories(options.output, error);
+  if (error) {
+    return absl::PermissionDeniedError(
+        fmt::format("{}: the folder cannot be made: {}", options.output, error.message()));
+  }
+  std::vector<std::string> csv_paths = options.from;
+  if (csv_paths.empty()) {
+    if (auto status = Measure(options, global); !status.ok()) return status;
+    csv_paths = {InFolder(options, "study.csv")};
+  }
+  const auto rows = Read(csv_paths);  // what is summed up is what is written
+  if (!rows.ok()) return rows.status();
+  const std::vector<SummaryRow> summary = Summarise(*rows);
+  if (auto status = WriteFile(InFolder(options, "summary.csv"), SummaryCsv(summary)); !status.ok())
+    return status;
+  const std::string tables = SummaryTables(summary);
+  if (auto status = WriteFile(InFolder(options, "summary.txt"), tables); !status.ok())
+    return status;
+  fmt::print("{}", tables);
+  if (!options.charts) return absl::OkStatus();
+  return DrawCharts(csv_paths, options.output);
+}
+
+void AddPlanOptions(CLI::App& command, StudyPlan& plan) {
+  command
+      .add_option("--scenes", plan.scene_folder,
+                  "Folder of sibenik/, dragon/ and conference/; without them built-in scenes "
+                  "stand in")
+      ->envname("TREELIGHT_SCENES")
+      ->type_name("FOLDER");
+  command.add_option("--scene", plan.scenes, "Which of the scenes")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::IsMember(StudySceneNames()));
+  command.add_option("--seeds", plan.seeds, "How often all is repeated with other photons")
+      ->capture_default_str()
+      ->check(CLI::Range(1u, 100u));
+  command.add_option("--first-seed", plan.first_seed, "The first of the seeds")
+      ->capture_default_str()
+      ->check(CLI::Range(1u, 1'000'000u));
+  command.add_option("--searches", plan.queries, "Searches in each tree")
+      ->capture_default_str()
+      ->check(CLI::Range(1u, 1'000'000u));
+  command
+      .add_option("--image-photons", plan.image_photons,
+                  "Of each of two cameras, with leaves of one photon; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{100'000'000}));
+  command
+      .add_option("--light-photons", plan.light_photons,
+                  "With leaves of 8; from 1000000 on fewer kinds of trees. May be several; none: 0")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{100'000'000}));
+  command
+      .add_option("--leaf-sizes", plan.leaf_sizes,
+                  "For which some kinds of trees are measured over the first of --light-photons")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(1u, 64u));
+  command
+      .add_option("--hard-photons", plan.hard_photons,
+                  "Of each input on which builders fail; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{10'000'000}));
+  command
+      .add_option("--timed-gathers", plan.timed_gathers,
+                  "Density estimates of light photons that are timed in each tree; 100000 keep a "
+                  "GPU busy")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, 10'000'000u));
+  command.add_flag("--few", plan.few, "Fewer kinds of trees");
+}
+
+}  // namespace
+
+void AddStudyCommand(CLI::App& app, GlobalOptions& global) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "study", "Judges every kind of tree by what searches cost in it: the paper's experiment");
+  AddPlanOptions(*command, options->plan);
+  command
+      ->add_flag("--quick", options->quick,
+                 "A look in seconds: one built-in scene, few photons and kinds of trees")
+      ->excludes(command->get_option("--scene"))
+      ->excludes(command->get_option("--seeds"))
+      ->excludes(command->get_option("--image-photons"))
+      ->excludes(command->get_option("--light-photons"));
+  command
+      ->add_option("--from", options->from,
+                   "Measures nothing: takes the rows of these study.csv files")
+      ->type_name("FILE")
+      ->excludes(command->get_option("--quick"));
+  command
+      ->add_option("--output", options->output,
+                   "Folder for study.csv, summary.csv, summary.txt and the charts")
+      ->capture_default_str()
+      ->type_name("FOLDER");
+  command->add_flag("!--no-charts", options->charts, "Leaves the charts out");
+  command->callback([options, &global] {
+    std::erase(options->plan.light_photons, 0u);
+    if (options->quick) options->plan = QuickPlan();
+    global.action = [options, &global] { return Run(*options, global); };
+  });
+}
+
+}  // namespace treelight::client
