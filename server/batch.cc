@@ -42,6 +42,28 @@ void Batch::Run(const v1::GatherRequest& request, Done done) {
 }
 
 void Batch::GatherNext(Done done) {
+  const ReloadableMap* const reloadable = map_->reloadable;
+  if (reloadable == nullptr || tree_ != nullptr || reloadable->resident()) return GatherSlice(done);
+  // A job of its own, whose time says nothing of gathers.
+  const auto submitted = state_.device_queue.Submit(
+      [this] { return call_.Alive(); },
+      [this, reloadable, done](const absl::Status& turn, double queue_us) {
+        record_.timings.set_queue_us(record_.timings.queue_us() + queue_us);
+        if (!turn.ok()) return done(turn);
+        const auto status = call_.Explain(Guard([&] {
+          auto tree = reloadable->Acquire(call_.cancelled());
+          if (tree.ok()) tree_ = *std::move(tree);
+          return tree.status();
+        }));
+        if (!status.ok()) return done(status);
+        GatherSlice(done);
+      },
+      {.work = Work::Build(reloadable->photon_count(), map_->options.builder),
+       .deadline = call_.deadline()});
+  if (!submitted.ok()) done(submitted);
+}
+
+void Batch::GatherSlice(const Done& done) {
   slice_ = {slice_.last, std::min(slice_.last + slice_size_, batch_.size())};
   const auto submitted = state_.device_queue.Submit(
       [this] { return call_.Alive(); },

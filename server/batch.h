@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <memory>
 
 #include "absl/status/status.h"
 #include "core/gatherer.h"
@@ -60,6 +61,7 @@ class Batch {
   absl::Status Parse(const v1::GatherRequest& request);
   absl::Status TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget::Share& share);
   absl::Status AdmitAnswer();
+  void GatherSlice(const Done& done);
   absl::Status Gather();
   void AddTimes();
   void Describe(const v1::GatherRequest& request);
@@ -70,6 +72,7 @@ class Batch {
   const Stopwatch watch_;
   RequestRecord record_;
   MapHandle map_;
+  std::shared_ptr<const ResidentTree> tree_;  // of a map that had to come back: it stays
   // Before what they pay for: given back after it.
   MemoryBudget::Share message_memory_, answer_memory_;
   GatherBatch batch_;

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "server/guard.h"
+#include "server/persistence.h"
+#include "server/residency.h"
 #include "server/upload.h"
 
 namespace treelight::server {
@@ -23,9 +25,16 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
                              std::string_view what) {
   plan_ = plan;
   if (!plan_.request_id.empty()) record_.request_id = plan_.request_id;
+  if (state_.snapshots != nullptr) {
+    const auto room = state_.snapshots->CheckRoom(
+        SnapshotBytes(plan_.photon_count, plan_.has_powers, plan_.has_directions), what);
+    if (!room.ok()) return room;
+  }
   if (!state_.options.devices.empty()) {
-    const auto room = CheckDeviceRoom(plan_, state_.options.devices[state_.options.device_index],
-                                      DeviceBytes(state_.store.List()), what);
+    const auto room = WithEviction(state_, MapBytes(plan_), [&] {
+      return CheckDeviceRoom(plan_, state_.options.devices[state_.options.device_index],
+                             DeviceBytes(state_.store.List()), what);
+    });
     if (!room.ok()) return room;
   }
   if (auto status = state_.device_queue.Check(Ask()); !status.ok()) return status;
@@ -35,8 +44,10 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
   slot_ = *std::move(slot);
   const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
   const std::uint64_t work_bytes = HostBuildBytes(plan_.options, plan_.photon_count);
-  auto memory = state_.memory.Take(Holder::kUploads, photon_bytes + work_bytes + map_bytes, what,
-                                   retry_delay);
+  const std::uint64_t all_bytes = photon_bytes + work_bytes + map_bytes;
+  auto memory = WithEviction(state_, all_bytes, [&] {
+    return state_.memory.Take(Holder::kUploads, all_bytes, what, retry_delay);
+  });
   if (!memory.ok()) return memory.status();
   photon_memory_ = *std::move(memory);
   map_memory_ = photon_memory_.Split(Holder::kMaps, map_bytes);
@@ -68,7 +79,8 @@ void BuildJob::Submit(PhotonSource photons, std::function<void(const absl::Statu
         const Stopwatch held;
         const absl::Status status = Guard([&] { return Build(*source); });
         record_.device_us = held.microseconds();
-        done(status);
+        if (!status.ok() || known_ != nullptr) return done(status);
+        Keep(done);
       },
       Ask());
   if (!submitted.ok()) done(submitted);
@@ -95,7 +107,30 @@ absl::Status BuildJob::Build(const PhotonSource& photons) {
                 .memory = std::move(map_memory_)};
   if (state_.maps_in_host_memory()) map.memory.Resize(map.gatherer->report().device_bytes);
   if (plan_.time_to_live.count() > 0) map.expires = map.created + plan_.time_to_live;
-  Answer(state_.store.Add(std::move(map)));
+  built_ = std::move(map);
+  return absl::OkStatus();
+}
+
+/// Makes the map visible, where there is a data folder once it is there: on the disk's thread, for
+/// the device has other work.
+void BuildJob::Keep(const std::function<void(const absl::Status&)>& done) {
+  if (state_.snapshots == nullptr) {
+    Answer(state_.store.Add(*std::exchange(built_, std::nullopt)));
+    return done(absl::OkStatus());
+  }
+  state_.disk.Submit([this, done] { done(Guard([this] { return Write(); })); });
+}
+
+absl::Status BuildJob::Write() {
+  // The first call with this id may have been written while this one was built.
+  if (AnsweredByAnEarlierCall()) {
+    Answer(known_);
+    return absl::OkStatus();
+  }
+  if (auto status = call_.Alive(); !status.ok()) return status;
+  const auto kept = KeepMap(state_, *std::exchange(built_, std::nullopt), photons_);
+  if (!kept.ok()) return kept.status();
+  Answer(*kept);
   return absl::OkStatus();
 }
 
@@ -142,6 +177,7 @@ void BuildJob::Release(std::shared_ptr<void> rest) {
   state_.RunOnCpu(bytes, [memory = std::move(photon_memory_), photons = std::move(photons_),
                           rest = std::move(rest)] {});
   map_memory_ = {};
+  built_.reset();
   slot_ = {};
 }
 

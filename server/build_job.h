@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string_view>
 
 #include "core/model/photons.h"
@@ -49,6 +50,8 @@ class BuildJob {
   DeviceAsk Ask() const;
   absl::Status Build(const PhotonSource& photons);
   absl::StatusOr<std::unique_ptr<Gatherer>> BuildMap(const PhotonSource& photons);
+  void Keep(const std::function<void(const absl::Status&)>& done);
+  absl::Status Write();
   void Answer(const MapHandle& map);
   void Release(std::shared_ptr<void> rest);
 
@@ -62,6 +65,7 @@ class BuildJob {
   BuildSlots::Slot slot_;  // from Admit on
   MemoryBudget::Share photon_memory_;
   MemoryBudget::Share map_memory_;  // until the map has it
+  std::optional<StoredMap> built_;  // until it is kept
   Photons photons_;                 // while they are built from, and until Release
 };
 

@@ -7,6 +7,7 @@
 #include "fmt/format.h"
 #include "server/answer.h"
 #include "server/convert.h"
+#include "server/persistence.h"
 #include "server/version.h"
 
 namespace treelight::server {
@@ -34,7 +35,7 @@ absl::Status ListPhotonMaps(State& state, const v1::ListPhotonMapsRequest&,
 absl::Status DeletePhotonMap(State& state, const v1::DeletePhotonMapRequest& request,
                              v1::DeletePhotonMapResponse& response) {
   if (auto status = CheckName("name", request.name()); !status.ok()) return status;
-  auto removed = state.store.Remove(request.name(), request.version());
+  auto removed = RemoveMaps(state, request.name(), request.version());
   if (!removed.ok()) return removed.status();
   response.set_deleted(static_cast<std::uint32_t>(removed->size()));
   // Device memory is freed on another thread, as this one is gRPC's: the maps go with the task.

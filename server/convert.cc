@@ -182,7 +182,7 @@ v1::PhotonMap ToWire(const StoredMap& map) {
     time.set_stage(stage.stage);
     time.set_microseconds(stage.microseconds);
   }
-  wire.set_device_bytes(report.device_bytes);
+  wire.set_device_bytes(DeviceBytes(map));
   wire.set_device(report.device);
   wire.set_created_unix_ms(UnixMs(map.created));
   if (map.expires) wire.set_expires_unix_ms(UnixMs(*map.expires));

@@ -142,6 +142,8 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
       ->check([](const std::string& text) { return CheckSeconds(text, 0); });
   Add(app, "--drain-seconds", seconds.drain, "Time for open calls to finish after that")
       ->check([](const std::string& text) { return CheckSeconds(text, 0); });
+  Add(app, "--data-dir", server.data_folder,
+      "Folder in which maps survive the server; without it they live in memory alone");
   Add(app, "--log-file", server.log_file, "Request log, opened anew at SIGHUP; stderr without it");
   Add(app, "--slow-ms", slow_ms,
       "Requests that take longer have \"slow\":true in the log and are counted; 0: none")
@@ -154,7 +156,8 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
 
 }  // namespace
 
-std::variant<Flags, HealthCheck, TokenRequest, Exit> ParseFlags(int argc, const char* const* argv) {
+std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
+    int argc, const char* const* argv) {
   Flags flags;
   Seconds seconds(flags);
   CLI::App app(kDescription, "treelightd");
@@ -171,6 +174,9 @@ std::variant<Flags, HealthCheck, TokenRequest, Exit> ParseFlags(int argc, const 
   std::string token_name;
   token->add_option("NAME", token_name, "Name of the client in the request log")->required();
   token->fallthrough();
+  CLI::App* const fsck = app.add_subcommand(
+      "fsck", "Check the maps in --data-dir; exit code 1 where one is damaged; changes nothing");
+  fsck->fallthrough();
   app.require_subcommand(0, 1);
   const char* config = std::getenv("TREELIGHT_CONFIG");
   const bool has_config = config != nullptr && *config != '\0';
@@ -192,6 +198,11 @@ std::variant<Flags, HealthCheck, TokenRequest, Exit> ParseFlags(int argc, const 
   flags.server.stall = ToMilliseconds(seconds.stall);
   flags.server.socket_mode = static_cast<unsigned>(std::stoul(socket_mode, nullptr, 8));
   if (health_check->parsed()) return HealthCheck{flags.server.listen, flags.server.tls};
+  if (fsck->parsed()) {
+    if (!flags.server.data_folder.empty()) return FolderCheck{flags.server.data_folder};
+    fmt::print(stderr, "treelightd: fsck: say which folder, --data-dir\n");
+    return Exit{kExitWrongUsage};
+  }
   if (token->parsed()) {
     if (!flags.server.token_file.empty()) return TokenRequest{token_name, flags.server.token_file};
     fmt::print(stderr, "treelightd: token: say which file gets the hash, --token-file\n");

@@ -26,6 +26,11 @@ struct TokenRequest {
   std::string name, token_file;
 };
 
+/// `treelightd fsck`: check the snapshots in the folder.
+struct FolderCheck {
+  std::string data_folder;
+};
+
 /// Nothing is left to do: the process ends with this code.
 struct Exit {
   int code = 0;
@@ -37,7 +42,8 @@ inline constexpr int kExitFailure = 1, kExitWrongUsage = 2, kExitSignal = 130;
 /// Reads the flags; HealthCheck for `treelightd healthcheck`. Exit where --help or --version was
 /// answered (0), or something is wrong, which one line on stderr then tells (kExitWrongUsage). What
 /// the command line says goes before the file, the file before the environment.
-std::variant<Flags, HealthCheck, TokenRequest, Exit> ParseFlags(int argc, const char* const* argv);
+std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
+    int argc, const char* const* argv);
 
 }  // namespace treelight::server
 

@@ -20,6 +20,7 @@
 #include "server/health_check.h"
 #include "server/server.h"
 #include "server/signal_watch.h"
+#include "server/snapshot_folder.h"
 #include "server/tls.h"
 #include "server/tokens.h"
 #include "server/version.h"
@@ -64,6 +65,13 @@ int AnswerToken(const TokenRequest& request) {
                                   : Fail(absl::UnavailableError("stdout is closed"), kExitFailure);
 }
 
+/// `treelightd fsck`.
+int AnswerFolderCheck(const FolderCheck& check) {
+  const auto damaged = CheckFolder(check.data_folder);
+  if (!damaged.ok()) return Fail(damaged.status(), kExitFailure);
+  return *damaged == 0 ? 0 : kExitFailure;
+}
+
 /// What Server::Start would refuse, before the device takes its time.
 absl::Status CheckFiles(const ServerOptions& options) {
   if (auto status = CheckTlsFiles(options.tls); !status.ok()) return status;
@@ -103,6 +111,7 @@ int Main(int argc, const char* const* argv) {
   if (const auto* exit = std::get_if<Exit>(&parsed)) return exit->code;
   if (const auto* check = std::get_if<HealthCheck>(&parsed)) return AnswerHealth(*check);
   if (const auto* token = std::get_if<TokenRequest>(&parsed)) return AnswerToken(*token);
+  if (const auto* check = std::get_if<FolderCheck>(&parsed)) return AnswerFolderCheck(*check);
   Flags& flags = std::get<Flags>(parsed);
 
   if (auto status = CheckFiles(flags.server); !status.ok()) return Fail(status, kExitFailure);

@@ -28,14 +28,41 @@ MapHandle MapStore::Add(StoredMap map) {
         known->second = handle;
       }
     }
-    const auto [last, is_new] = last_versions_.try_emplace(handle->name, forgotten_version_);
-    handle->version = ++last->second;
+    if (handle->version == 0) handle->version = NextVersion(handle->name);
+    auto& last = last_versions_[handle->name];
+    last = std::max(last, handle->version);
     maps_[handle->name].emplace(handle->version, handle);
     ++additions_;
     ForgetDeadNames();
   }
   wake_.notify_one();
   return handle;
+}
+
+std::uint64_t MapStore::NextVersion(const std::string& name) {
+  return ++last_versions_.try_emplace(name, forgotten_version_).first->second;
+}
+
+std::uint64_t MapStore::ReserveVersion(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  return NextVersion(name);
+}
+
+void MapStore::Restore(const std::vector<MapHandle>& maps) {
+  {
+    const std::lock_guard lock(mutex_);
+    for (const MapHandle& map : maps) {
+      maps_[map->name].emplace(map->version, map);
+      if (!map->request_id.empty()) requests_.try_emplace(map->request_id, map);
+    }
+    ++additions_;
+  }
+  wake_.notify_one();
+}
+
+void MapStore::OnExpired(std::function<void(std::vector<MapHandle>)> expired) {
+  const std::lock_guard lock(mutex_);
+  expired_ = std::move(expired);
 }
 
 std::size_t MapStore::remembered_names() const {
@@ -107,7 +134,7 @@ absl::StatusOr<std::vector<MapHandle>> MapStore::Remove(std::string_view name,
 
 std::size_t MapStore::SweepExpired() {
   std::vector<MapHandle> expired;  // freed after the lock
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   for (auto map = maps_.begin(); map != maps_.end();) {
     std::erase_if(map->second, [&](const auto& entry) {
       if (!Expired(*entry.second)) return false;
@@ -120,7 +147,11 @@ std::size_t MapStore::SweepExpired() {
     const auto known = requests_.find(handle->request_id);
     if (known != requests_.end() && known->second == handle) requests_.erase(known);
   }
-  return expired.size();
+  const auto tell = expired_;
+  lock.unlock();
+  const std::size_t count = expired.size();
+  if (tell && count > 0) tell(std::move(expired));
+  return count;
 }
 
 absl::Status MapStore::NotFound(std::string_view name, std::uint64_t version) const {
@@ -169,9 +200,14 @@ void MapStore::SweepInTime(const std::stop_token& stop) {
   }
 }
 
+std::uint64_t DeviceBytes(const StoredMap& map) {
+  return map.reloadable != nullptr ? map.reloadable->held_bytes()
+                                   : map.gatherer->report().device_bytes;
+}
+
 std::uint64_t DeviceBytes(const std::vector<MapHandle>& maps) {
   std::uint64_t bytes = 0;
-  for (const MapHandle& map : maps) bytes += map->gatherer->report().device_bytes;
+  for (const MapHandle& map : maps) bytes += DeviceBytes(*map);
   return bytes;
 }
 

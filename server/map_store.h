@@ -19,6 +19,7 @@
 #include "absl/status/statusor.h"
 #include "core/builder.h"
 #include "server/memory_budget.h"
+#include "server/reloadable_map.h"
 
 namespace treelight::server {
 
@@ -27,10 +28,12 @@ using TimePoint = std::chrono::system_clock::time_point;
 /// One version of a map. Never changes once it is in the store.
 struct StoredMap {
   std::string name;
-  std::uint64_t version = 0;  ///< given by the store
+  std::uint64_t version = 0;  ///< 0: the store gives one
   std::string request_id;     ///< of the call that built it, or empty
   BuildOptions options;
   std::unique_ptr<const Gatherer> gatherer;
+  /// `gatherer` itself, where it can leave the device and come back; else null.
+  const ReloadableMap* reloadable = nullptr;
   TimePoint created;
   std::optional<TimePoint> expires;  ///< never where empty
   MemoryBudget::Share memory{};      ///< of the host, that the map holds
@@ -51,9 +54,18 @@ class MapStore {
   /// Names whose last version is remembered, with maps or without.
   std::size_t remembered_names() const;
 
-  /// Makes `map` visible as the newest version of its name. Where a version with the same request
-  /// id, not empty, is here already, that one is returned and `map` dropped.
+  /// Makes `map` visible, as the newest version of its name where it has none. Where a version with
+  /// the same request id, not empty, is here already, that one is returned and `map` dropped.
   MapHandle Add(StoredMap map);
+
+  /// A version for a map of that name that is added later; nobody else gets it.
+  std::uint64_t ReserveVersion(const std::string& name);
+
+  /// Makes what Remove took out visible again.
+  void Restore(const std::vector<MapHandle>& maps);
+
+  /// From now on `expired` gets the versions that have expired once the store has let go of them.
+  void OnExpired(std::function<void(std::vector<MapHandle>)> expired);
 
   /// The version that a call with this id built, or null. An id is known as long as its version is
   /// in the store.
@@ -77,6 +89,7 @@ class MapStore {
   using Versions = std::map<std::uint64_t, MapHandle>;
 
   bool Expired(const StoredMap& map) const;
+  std::uint64_t NextVersion(const std::string& name);                         // needs mutex_
   absl::Status NotFound(std::string_view name, std::uint64_t version) const;  // needs mutex_
   std::optional<TimePoint> NextExpiry() const;                                // needs mutex_
   void ForgetDeadNames();                                                     // needs mutex_
@@ -96,10 +109,14 @@ class MapStore {
   std::uint64_t forgotten_version_ = 0;  // guarded by mutex_
   // Guarded by mutex_. By request id, the versions in maps_ that have one.
   std::map<std::string, MapHandle, std::less<>> requests_;
+  std::function<void(std::vector<MapHandle>)> expired_;  // guarded by mutex_
   std::uint64_t additions_ =
       0;                  // guarded by mutex_; how the sweeper knows that it has to look again
   std::jthread sweeper_;  // last: it joins before the rest goes
 };
+
+/// Device memory that `map` holds at present, bytes.
+std::uint64_t DeviceBytes(const StoredMap& map);
 
 /// Device memory that `maps` hold together, bytes.
 std::uint64_t DeviceBytes(const std::vector<MapHandle>& maps);

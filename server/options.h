@@ -54,6 +54,8 @@ struct ServerOptions {
   std::uint64_t memory_limit = 0;
   /// How long a client may stand still in the middle of an upload or of an answer, at least 1 ms.
   std::chrono::milliseconds stall = std::chrono::seconds(60);
+  /// Folder in which maps survive the server; empty: they live in memory alone.
+  std::string data_folder;
   std::string log_file;  ///< of the request log; empty: stderr
   /// Requests that take longer are marked in the log and counted; 0: none.
   std::chrono::milliseconds slow{};

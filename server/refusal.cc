@@ -20,6 +20,8 @@ std::string_view QuotaName(Quota quota) {
       return "builds";
     case Quota::kQueueDepth:
       return "queue";
+    case Quota::kDisk:
+      return "disk";
     case Quota::kCalls:
       return "calls";
     case Quota::kDeadline:

@@ -19,11 +19,12 @@ enum class Quota {
   kMemory,      ///< "memory": host memory, --memory-limit
   kBuilds,      ///< "builds": open uploads and builds, --build-slots
   kQueueDepth,  ///< "queue": requests that wait for the device, --queue-depth
+  kDisk,        ///< "disk": room in --data-dir
   kCalls,       ///< "calls": open calls of any kind, --max-calls
   kDeadline,    ///< "deadline": the queue is longer than the time that the caller has
 };
 
-/// "memory", "builds", "queue", "calls", "deadline".
+/// "memory", "builds", "queue", "disk", "calls", "deadline".
 std::string_view QuotaName(Quota quota);
 
 /// RESOURCE_EXHAUSTED. `message` says the limit, what was asked and what to do; it is the

@@ -17,6 +17,7 @@
 #include "server/address.h"
 #include "server/file_watch.h"
 #include "server/metrics_endpoint.h"
+#include "server/persistence.h"
 #include "server/service.h"
 #include "server/tls.h"
 #include "server/tokens.h"
@@ -115,6 +116,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
       std::make_unique<Impl>(options, std::move(builder), *std::move(log), std::move(tokens));
   impl->lock = *std::move(lock);
 
+  if (!options.data_folder.empty()) {
+    auto folder = SnapshotFolder::Open(options.data_folder);
+    if (!folder.ok()) return folder.status();
+    impl->state.snapshots = *std::move(folder);
+    if (auto status = LoadSnapshots(impl->state); !status.ok()) return status;
+  }
   if (!options.metrics_listen.empty()) {
     auto metrics = MetricsEndpoint::Start(options.metrics_listen, impl->state);
     if (!metrics.ok()) return metrics.status();

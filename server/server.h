@@ -21,8 +21,8 @@ class Server {
  public:
   /// Starts to serve maps that `builder` makes. INVALID_ARGUMENT: an option is wrong, CheckOptions,
   /// or a file of TLS or tokens. UNAVAILABLE: the address cannot be bound, nor that of the metrics.
-  /// PERMISSION_DENIED: the log file cannot be opened or written to. NOT_FOUND: there is no such
-  /// token file.
+  /// PERMISSION_DENIED: the log file, or the data folder, cannot be opened or written to.
+  /// NOT_FOUND: there is no such token file.
   static absl::StatusOr<std::unique_ptr<Server>> Start(const ServerOptions& options,
                                                        std::unique_ptr<Builder> builder);
 

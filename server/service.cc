@@ -2,6 +2,7 @@
 
 #include <string_view>
 #include <type_traits>
+#include <utility>
 
 #include "server/build_call.h"
 #include "server/call.h"
@@ -13,16 +14,37 @@
 namespace treelight::server {
 namespace {
 
-/// A call that is answered at once. Owns itself, gone with OnDone.
+/// Where a call is answered.
+enum class Where {
+  kAtOnce,
+  kOnDisk,  ///< on the thread of the disk, where there is a data folder
+};
+
+/// A call that needs no device. Owns itself, gone with OnDone.
 class QuickCall final : public grpc::ServerUnaryReactor {
  public:
   /// Answers with `handle(state, request, response)`.
   template <typename Request, typename Response>
   QuickCall(State& state, grpc::CallbackServerContext& context, std::string_view method,
             absl::Status (*handle)(State&, const Request&, Response&), const Request& request,
-            Response& response)
+            Response& response, Where where = Where::kAtOnce)
       : call_(state, context, method) {
-    const Stopwatch watch;
+    auto answer = [this, &state, handle, &request, &response] {
+      Answer(state, handle, request, response);
+    };
+    if (where == Where::kOnDisk && state.snapshots != nullptr) {
+      state.disk.Submit(std::move(answer));
+    } else {
+      answer();
+    }
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  template <typename Request, typename Response>
+  void Answer(State& state, absl::Status (*handle)(State&, const Request&, Response&),
+              const Request& request, Response& response) {
     RequestRecord record = call_.NewRecord();
     if constexpr (requires { request.version(); }) {
       record.map = request.name();
@@ -35,15 +57,13 @@ class QuickCall final : public grpc::ServerUnaryReactor {
     }
     record.bytes_in = request.ByteSizeLong();
     record.bytes_out = status.ok() ? response.ByteSizeLong() : 0;
-    record.timings.set_total_us(watch.microseconds());
+    record.timings.set_total_us(watch_.microseconds());
     call_.Log(record, status);
     Finish(call_.End(status));
   }
 
-  void OnDone() override { delete this; }
-
- private:
   Call call_;
+  const Stopwatch watch_;
 };
 
 }  // namespace
@@ -87,7 +107,7 @@ grpc::ServerUnaryReactor* PhotonMapService::DeletePhotonMap(
     grpc::CallbackServerContext* context, const v1::DeletePhotonMapRequest* request,
     v1::DeletePhotonMapResponse* response) {
   return new QuickCall(state_, *context, "DeletePhotonMap", server::DeletePhotonMap, *request,
-                       *response);
+                       *response, Where::kOnDisk);
 }
 
 grpc::ServerUnaryReactor* PhotonMapService::GetServerInfo(grpc::CallbackServerContext* context,

@@ -18,8 +18,10 @@
 #include "server/metrics.h"
 #include "server/options.h"
 #include "server/request_log.h"
+#include "server/snapshot_folder.h"
 #include "server/stall_watch.h"
 #include "server/tokens.h"
+#include "server/worker.h"
 #include "tbb/info.h"
 #include "tbb/task_arena.h"
 
@@ -69,6 +71,8 @@ struct State {
   Metrics metrics;
   MemoryBudget memory;
   BuildSlots build_slots;
+  std::unique_ptr<SnapshotFolder> snapshots;  ///< of --data-dir; null: maps live in memory alone
+  Worker disk;  // what waits for `snapshots`; the store tells it of what expires
   MapStore store;
   ActiveCalls calls;
   StallWatch stalls;

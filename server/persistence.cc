@@ -1,0 +1,163 @@
+#include "server/persistence.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "fmt/format.h"
+#include "server/convert.h"
+#include "server/residency.h"
+
+namespace treelight::server {
+namespace {
+
+void Tell(const SnapshotFolder& folder, std::string_view what) {
+  fmt::print(stderr, "treelightd: data folder '{}': {}\n", folder.path(), what);
+}
+
+/// Renames the damaged `file`, and tells.
+void SetAside(const SnapshotFolder& folder, const std::string& file, const absl::Status& damage) {
+  const auto aside = folder.SetAside(file);
+  Tell(folder, fmt::format("'{}' is damaged: {}; {}", file, std::string(damage.message()),
+                           aside.ok() ? fmt::format("set aside as '{}'", *aside)
+                                      : std::string(aside.status().message())));
+}
+
+/// Reads the photons of a version; one whose file is damaged or gone leaves the store.
+absl::StatusOr<Photons> ReadKept(State& state, const std::string& name, std::uint64_t version) {
+  auto photons = state.snapshots->Read(name, version);
+  const bool lost = absl::IsDataLoss(photons.status()), gone = absl::IsNotFound(photons.status());
+  if (lost) SetAside(*state.snapshots, SnapshotName(name, version), photons.status());
+  // The handle that the caller has keeps the map until the call is over.
+  if (lost || gone) (void)state.store.Remove(name, version);
+  return photons;
+}
+
+/// Gives `map` a gatherer that reads its file where it is not on the device. `tree` may be null.
+void MakeReloadable(State& state, StoredMap& map, ReloadableMap::Description description,
+                    std::shared_ptr<const ResidentTree> tree) {
+  const BuildPlan plan{.name = map.name,
+                       .photon_count = description.photon_count,
+                       .has_powers = description.has_powers,
+                       .has_directions = description.has_directions,
+                       .options = map.options,
+                       .time_to_live = {},
+                       .request_id = {}};
+  ReloadableMap::ReadFrom read = [&state, name = map.name, version = map.version] {
+    return ReadKept(state, name, version);
+  };
+  auto load = [&state, plan, read](const CancelCheck& cancelled) {
+    return LoadTree(state, plan, read, cancelled);
+  };
+  auto reloadable = std::make_unique<ReloadableMap>(std::move(description), std::move(load),
+                                                    std::move(read), std::move(tree));
+  map.reloadable = reloadable.get();
+  map.gatherer = std::move(reloadable);
+}
+
+TimePoint FromUnixMs(std::int64_t ms) { return TimePoint(std::chrono::milliseconds(ms)); }
+
+/// The map that `head` tells of, off the device.
+StoredMap FromHead(State& state, const SnapshotHead& head) {
+  const v1::PhotonMap& wire = head.map;
+  StoredMap map{.name = wire.name(),
+                .version = wire.version(),
+                .request_id = head.request_id,
+                .options = head.options,
+                .gatherer = nullptr,
+                .created = FromUnixMs(wire.created_unix_ms()),
+                .expires = {}};
+  if (wire.expires_unix_ms() != 0) map.expires = FromUnixMs(wire.expires_unix_ms());
+  ReloadableMap::Description description{.photon_count = wire.photon_count(),
+                                         .has_powers = wire.has_powers(),
+                                         .has_directions = wire.has_directions(),
+                                         .report = {}};
+  BuildReport& report = description.report;
+  report.builder = wire.builder();
+  report.device = state.device_name();
+  report.radius = wire.options().radius();
+  for (const v1::StageTime& stage : wire.build_stages()) {
+    report.stages.push_back({stage.stage(), stage.microseconds()});
+  }
+  const v1::TreeStatistics& tree = wire.statistics();
+  report.tree = {.node_count = tree.node_count(),
+                 .leaf_count = tree.leaf_count(),
+                 .depth = tree.depth(),
+                 .mean_leaf_depth = tree.mean_leaf_depth(),
+                 .leaf_fill = tree.leaf_fill(),
+                 .sah_cost = tree.sah_cost(),
+                 .isa_cost = tree.isa_cost()};
+  MakeReloadable(state, map, std::move(description), nullptr);
+  return map;
+}
+
+}  // namespace
+
+absl::Status LoadSnapshots(State& state) {
+  const SnapshotFolder& folder = *state.snapshots;
+  if (auto status = folder.CheckWritable(); !status.ok()) return status;
+  folder.RemoveLeftovers();
+  const auto files = folder.CheckAll();
+  if (!files.ok()) return files.status();
+  for (const SnapshotFolder::File& file : *files) {
+    if (absl::IsDataLoss(file.head.status())) {
+      SetAside(folder, file.name, file.head.status());
+    } else if (!file.head.ok()) {
+      Tell(folder, fmt::format("'{}' is not loaded: {}", file.name,
+                               std::string(file.head.status().message())));
+    } else {
+      StoredMap map = FromHead(state, *file.head);
+      if (map.expires && *map.expires <= std::chrono::system_clock::now()) {
+        if (auto status = folder.Remove(map.name, map.version); !status.ok()) return status;
+      } else {
+        state.store.Add(std::move(map));
+      }
+    }
+  }
+  state.store.OnExpired([&state](const std::vector<MapHandle>& expired) {
+    state.disk.Submit([&state, expired] {
+      for (const MapHandle& map : expired) {
+        const auto status = state.snapshots->Remove(map->name, map->version);
+        if (!status.ok()) fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+      }
+    });
+  });
+  return absl::OkStatus();
+}
+
+absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& photons) {
+  v1::PhotonMap wire = ToWire(map);
+  absl::Status written;
+  do {
+    // A file that another server, or a later program, has put there keeps its version.
+    map.version = state.store.ReserveVersion(map.name);
+    wire.set_version(map.version);
+    written = state.snapshots->Write(wire, map.request_id, photons);
+  } while (absl::IsAlreadyExists(written));
+  if (!written.ok()) return written;
+  ReloadableMap::Description description{.photon_count = map.gatherer->photon_count(),
+                                         .has_powers = map.gatherer->has_powers(),
+                                         .has_directions = map.gatherer->has_directions(),
+                                         .report = map.gatherer->report()};
+  auto tree = std::make_shared<const ResidentTree>(
+      ResidentTree{.gatherer = std::move(map.gatherer), .memory = std::move(map.memory)});
+  MakeReloadable(state, map, std::move(description), std::move(tree));
+  return state.store.Add(std::move(map));
+}
+
+absl::StatusOr<std::vector<MapHandle>> RemoveMaps(State& state, std::string_view name,
+                                                  std::uint64_t version) {
+  auto removed = state.store.Remove(name, version);
+  if (!removed.ok() || state.snapshots == nullptr) return removed;
+  for (const MapHandle& map : *removed) {
+    if (auto status = state.snapshots->Remove(map->name, map->version); !status.ok()) {
+      state.store.Restore(*removed);
+      return status;
+    }
+  }
+  return removed;
+}
+
+}  // namespace treelight::server

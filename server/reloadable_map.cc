@@ -1,0 +1,66 @@
+#include "server/reloadable_map.h"
+
+#include <utility>
+
+namespace treelight::server {
+
+ReloadableMap::ReloadableMap(Description description, Load load, ReadFrom read,
+                             std::shared_ptr<const ResidentTree> tree)
+    : description_(std::move(description)),
+      load_(std::move(load)),
+      read_(std::move(read)),
+      tree_(std::move(tree)),
+      last_use_(std::chrono::steady_clock::now()) {}
+
+bool ReloadableMap::resident() const {
+  const std::lock_guard lock(mutex_);
+  return tree_ != nullptr;
+}
+
+std::uint64_t ReloadableMap::held_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return tree_ == nullptr ? 0 : tree_->gatherer->report().device_bytes;
+}
+
+absl::StatusOr<std::shared_ptr<const ResidentTree>> ReloadableMap::Acquire(
+    const CancelCheck& cancelled) const {
+  {
+    const std::lock_guard lock(mutex_);
+    last_use_ = std::chrono::steady_clock::now();
+    if (tree_ != nullptr) return tree_;
+  }
+  // One thread at a time is here: the device's.
+  auto loaded = load_(cancelled);
+  if (!loaded.ok()) return loaded;
+  const std::lock_guard lock(mutex_);
+  tree_ = *loaded;
+  last_use_ = std::chrono::steady_clock::now();
+  return loaded;
+}
+
+std::shared_ptr<const ResidentTree> ReloadableMap::Evict() const {
+  const std::lock_guard lock(mutex_);
+  if (tree_.use_count() > 1) return nullptr;
+  return std::exchange(tree_, nullptr);
+}
+
+std::chrono::steady_clock::time_point ReloadableMap::last_use() const {
+  const std::lock_guard lock(mutex_);
+  return last_use_;
+}
+
+absl::StatusOr<GatherResult> ReloadableMap::Gather(const GatherQueries& queries,
+                                                   const GatherOptions& options,
+                                                   const CancelCheck& cancelled) const {
+  const auto tree = Acquire(cancelled);
+  if (!tree.ok()) return tree.status();
+  return (*tree)->gatherer->Gather(queries, options, cancelled);
+}
+
+absl::StatusOr<Tree> ReloadableMap::ReadTree() const {
+  const auto tree = Acquire({});
+  if (!tree.ok()) return tree.status();
+  return (*tree)->gatherer->ReadTree();
+}
+
+}  // namespace treelight::server

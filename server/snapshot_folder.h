@@ -1,0 +1,83 @@
+#ifndef TREELIGHT_SERVER_SNAPSHOT_FOLDER_H_
+#define TREELIGHT_SERVER_SNAPSHOT_FOLDER_H_
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/snapshot.h"
+
+namespace treelight::server {
+
+/// The folder of --data-dir: a file NAME@VERSION.tlmap for each version of a map. Several servers
+/// may have the same one. Calls block for the disk. Safe to call from several threads at once.
+class SnapshotFolder {
+ public:
+  /// What one file holds, or what is wrong with it.
+  struct File {
+    std::string name;  ///< of the file, without the folder
+    absl::StatusOr<SnapshotHead> head;
+  };
+
+  /// Opens `path`, and makes it with mode 0700 where it is missing. PERMISSION_DENIED: that cannot
+  /// be.
+  static absl::StatusOr<std::unique_ptr<SnapshotFolder>> Open(const std::string& path);
+
+  ~SnapshotFolder();
+  SnapshotFolder(const SnapshotFolder&) = delete;
+  SnapshotFolder& operator=(const SnapshotFolder&) = delete;
+
+  /// PERMISSION_DENIED: no file can be made in the folder.
+  absl::Status CheckWritable() const;
+
+  /// Reads every byte of every snapshot, in the order of the names. What a writer that was killed
+  /// has left is not listed.
+  absl::StatusOr<std::vector<File>> CheckAll() const;
+
+  /// Removes what writers that were killed have left; writers that live are known by their lock.
+  void RemoveLeftovers() const;
+
+  /// Renames a damaged file so that no start meets it again; the new name.
+  absl::StatusOr<std::string> SetAside(const std::string& file) const;
+
+  /// Writes a snapshot of `map`: aside, to the disk, renamed, and the folder to the disk. OK: it
+  /// survives a loss of power. ALREADY_EXISTS: there is a file of this version already.
+  /// RESOURCE_EXHAUSTED with Quota::kDisk: the disk is full. INTERNAL: the disk fails. After an
+  /// error there is no file of it.
+  absl::Status Write(const v1::PhotonMap& map, const std::string& request_id,
+                     const Photons& photons) const;
+
+  /// Whether the disk has room for `bytes` more at present. RESOURCE_EXHAUSTED with Quota::kDisk.
+  absl::Status CheckRoom(std::uint64_t bytes, std::string_view what) const;
+
+  /// Removes the snapshot of a version; OK, also where there is none: it does not come back after a
+  /// loss of power.
+  absl::Status Remove(std::string_view name, std::uint64_t version) const;
+
+  /// Reads the photons of a version. NOT_FOUND: the file is gone. DATA_LOSS: it is damaged.
+  absl::StatusOr<Photons> Read(std::string_view name, std::uint64_t version) const;
+
+  const std::string& path() const { return path_; }
+
+ private:
+  SnapshotFolder(std::string path, int handle) : path_(std::move(path)), handle_(handle) {}
+  absl::Status Sync() const;
+  absl::Status Failed(std::string_view what, int error) const;
+
+  const std::string path_;
+  const int handle_;  // of the folder
+};
+
+/// "NAME@VERSION.tlmap".
+std::string SnapshotName(std::string_view name, std::uint64_t version);
+
+/// `treelightd fsck`: checks the folder and prints a line for each file on stdout. Returns how many
+/// are damaged; changes nothing. The errors of Open, and NOT_FOUND: there is no such folder.
+absl::StatusOr<std::size_t> CheckFolder(const std::string& path);
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_SNAPSHOT_FOLDER_H_
