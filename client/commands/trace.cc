@@ -38,14 +38,6 @@ double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-/// Every surface Lambertian with that reflectance; lights go on shining.
-void MakeDiffuse(float albedo, Scene& scene) {
-  for (Material& material : scene.materials) {
-    material.surface = Surface::kDiffuse;
-    material.reflectance = {albedo, albedo, albedo};
-  }
-}
-
 absl::StatusOr<Intersector> OpenScene(const Options& options) {
   auto loaded = LoadChosenScene(options.scene);
   if (!loaded.ok()) return loaded.status();

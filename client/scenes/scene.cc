@@ -12,4 +12,11 @@ void AddQuad(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, std::ui
   mesh.materials.insert(mesh.materials.end(), {material, material});
 }
 
+void MakeDiffuse(float reflectance, Scene& scene) {
+  for (Material& material : scene.materials) {
+    material.surface = Surface::kDiffuse;
+    material.reflectance = {reflectance, reflectance, reflectance};
+  }
+}
+
 }  // namespace treelight::client

@@ -86,6 +86,9 @@ struct Scene {
 void AddQuad(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, std::uint32_t material,
              Mesh& mesh);
 
+/// Makes every surface Lambertian with that reflectance; lights go on shining.
+void MakeDiffuse(float reflectance, Scene& scene);
+
 }  // namespace treelight::client
 
 #endif  // TREELIGHT_CLIENT_SCENES_SCENE_H_

@@ -60,8 +60,8 @@ def label(row):
     return text
 
 
-def save(figure, folder, name):
-    figure.tight_layout()
+def save(figure, folder, name, bottom=0):
+    figure.tight_layout(rect=(0, bottom, 1, 1))
     figure.savefig(f"{folder}/{name}.png", dpi=120, metadata={"Software": None})
     figure.savefig(f"{folder}/{name}.svg", metadata={"Date": None, "Creator": None})
     pyplot.close(figure)
@@ -102,14 +102,11 @@ def table1(summary, folder):
         panel.axhline(100, color="black", linewidth=0.8)
         panel.set_xticks(range(len(scenes)),
                          [s if s not in STANDS_IN else f"{s} (for {STANDS_IN[s]})" for s in scenes])
-        panel.set_ylim(40, None)
+        panel.margins(y=0.1)
         panel.set_title(f"{title}, percent of the baseline")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncol=2, fontsize=8)
     figure.suptitle("Table 1: image photons, leaves of one photon, searches for the photon itself")
-    figure.tight_layout(rect=(0, 0.2, 1, 1))
-    figure.savefig(f"{folder}/table1.png", dpi=120, metadata={"Software": None})
-    figure.savefig(f"{folder}/table1.svg", metadata={"Date": None, "Creator": None})
-    pyplot.close(figure)
+    save(figure, folder, "table1", bottom=0.2)
 
 
 def leaf_sizes(rows, folder):
@@ -153,7 +150,8 @@ def leaf_sizes(rows, folder):
     save(figure, folder, "leaf_sizes")
 
 
-def build_times(summary, folder):
+def build_times(summary, all_rows, folder):
+    devices = ", ".join(unique(r["device"] for r in all_rows))
     rows = [r for r in summary if r["set"] == "light" and r["leaf_size"] == "8"]
     counts = unique(r["photons"] for r in rows)
     if not rows:
@@ -172,7 +170,7 @@ def build_times(summary, folder):
         panel.axhline(100, color="black", linewidth=0.8)
         panel.set_xlabel("time of the build, ms")
         panel.set_ylabel("speed of searches for the 50 nearest, percent of the baseline")
-        panel.set_title(f"{count} light photons, leaves of 8, mean of the scenes")
+        panel.set_title(f"{count} light photons, leaves of 8, mean of the scenes\n{devices}", fontsize=8)
         panel.grid(True, which="both", alpha=0.25)
     save(figure, folder, "build_times")
 
@@ -182,7 +180,7 @@ def main(folder, paths):
     rows = [row for path in paths for row in read(path)]
     table1(summary, folder)
     leaf_sizes(rows, folder)
-    build_times(summary, folder)
+    build_times(summary, rows, folder)
 
 
 if __name__ == "__main__":

@@ -48,14 +48,6 @@ constexpr Recipe kRecipes[] = {{"sibenik", "sibenik/sibenik.obj.xz", R"({
          {"name": "west", "position": [-4.9, 1.75, 2.4], "target": [0.6, 0.7, -0.7], "vertical_fov_degrees": 70},
          {"name": "east", "position": [4.9, 1.75, -2.4], "target": [-0.6, 0.7, 0.7], "vertical_fov_degrees": 70}]})"}};
 
-/// Every surface Lambertian; lights go on shining.
-void MakeDiffuse(Scene& scene) {
-  for (Material& material : scene.materials) {
-    material.surface = Surface::kDiffuse;
-    material.reflectance = {kStudyAlbedo, kStudyAlbedo, kStudyAlbedo};
-  }
-}
-
 }  // namespace
 
 std::vector<std::string> StudySceneNames() {
@@ -87,7 +79,7 @@ absl::StatusOr<StudyScene> LoadStudyScene(const std::string& name, const std::st
   if (!loaded.ok()) return loaded.status();
   study.scene = std::move(loaded->scene);
   study.scene.name = study.name;
-  MakeDiffuse(study.scene);
+  MakeDiffuse(kStudyAlbedo, study.scene);
   for (std::size_t i = 0; i < study.cameras.size(); ++i)
     study.cameras[i] = loaded->cameras[i].camera;
   return study;
