@@ -8,6 +8,7 @@
 #include <optional>
 #include <system_error>
 
+#include "client/regular_file.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -43,8 +44,9 @@ bool IsNumber(const PlyProperty& property, std::string_view name) {
 absl::StatusOr<PlyReader> PlyReader::Open(const std::string& path) {
   PlyReader reader;
   reader.path_ = path;
+  if (auto status = CheckRegularFile(path); !status.ok()) return status;
   std::error_code error;
-  reader.file_size_ = std::filesystem::file_size(path, error);  // also refuses folders
+  reader.file_size_ = std::filesystem::file_size(path, error);
   if (!error) {
     reader.stream_.open(path, std::ios::binary);
     if (!reader.stream_) error = std::error_code(errno, std::generic_category());

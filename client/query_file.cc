@@ -6,16 +6,15 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <optional>
 #include <span>
 #include <string_view>
-#include <system_error>
 
 #include "absl/status/status.h"
 #include "client/ply_reader.h"
+#include "client/regular_file.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -201,15 +200,9 @@ GatherQueries QueryPoints::Slice(std::size_t first, std::size_t count) const {
 }
 
 absl::StatusOr<QueryPoints> ReadQueryFile(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    error = std::make_error_code(std::errc::is_a_directory);
-  std::ifstream stream;
-  if (!error) {
-    stream.open(path, std::ios::binary);
-    if (!stream) error = std::error_code(errno, std::generic_category());
-  }
-  if (error) return absl::ErrnoToStatus(error.value(), path);
+  if (auto status = CheckRegularFile(path); !status.ok()) return status;
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) return absl::ErrnoToStatus(errno, path);
 
   std::uint64_t byte_count = 0;
   const bool ply = ReadLine(stream, kMaxLineSize, byte_count) == "ply";

@@ -300,7 +300,7 @@ TEST(PhotonPlyTest, AFileThatIsNotThereSaysSo) {
   EXPECT_EQ(missing.status().code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(std::string(missing.status().message()),
               HasSubstr("/nowhere/photons.ply: No such file"));
-  EXPECT_THAT(std::string(ReadPhotonPly("/").status().message()), HasSubstr("Is a directory"));
+  EXPECT_THAT(std::string(ReadPhotonPly("/").status().message()), HasSubstr("/: it is a folder"));
   const auto unwritable = WritePhotonPly("/nowhere/photons.ply", MakePhotons(1, /*seed=*/7));
   EXPECT_THAT(std::string(unwritable.message()),
               HasSubstr("cannot write /nowhere/photons.ply: No such file"));

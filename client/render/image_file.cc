@@ -16,6 +16,7 @@
 #include "OpenEXR/ImfInputFile.h"
 #include "OpenEXR/ImfOutputFile.h"
 #include "client/output_file.h"
+#include "client/regular_file.h"
 #include "fmt/format.h"
 #include "half.h"
 #include "stb_image_write.h"
@@ -175,6 +176,7 @@ absl::StatusOr<Image> ReadExr(const std::string& path, const ExrChannels& channe
   if (!std::filesystem::exists(path, error)) {
     return absl::NotFoundError(fmt::format("there is no file {}", path));
   }
+  if (auto status = CheckRegularFile(path); !status.ok()) return status;
   try {
     Imf::InputFile file(path.c_str());
     const Imath::Box2i window = file.header().dataWindow();

@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <filesystem>
 #include <fstream>
 #include <memory>
-#include <system_error>
 
 #include "absl/status/status.h"
+#include "client/regular_file.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -80,9 +79,7 @@ absl::StatusOr<std::string> Unpack(std::istream& stream, const std::string& path
 }  // namespace
 
 absl::StatusOr<std::string> ReadFileBytes(const std::string& path, std::uint64_t max_size) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    return absl::InvalidArgumentError(fmt::format("{}: it is a folder", path));
+  if (auto status = CheckRegularFile(path); !status.ok()) return status;
   errno = 0;
   std::ifstream stream(path, std::ios::binary);
   if (!stream) return absl::ErrnoToStatus(errno != 0 ? errno : EIO, path);
