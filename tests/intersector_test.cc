@@ -278,6 +278,14 @@ TEST(Intersector, RefusesAnInvalidScene) {
   scene.mesh.normals.resize(3);
   EXPECT_EQ(message(scene), "mesh has 24 vertices but 3 normals");
   scene = MakeClosedBox(kGrey);
+  scene.materials[0] = {.name = "satin",
+                        .surface = Surface::kGlossy,
+                        .reflectance = {0.9f, 0, 0},
+                        .specular = {0.35f, 0, 0}};
+  EXPECT_EQ(message(scene),
+            "material satin: it gives 1.25 times the light that it gets; reflectance and specular "
+            "together, and transmittance, are at most 1 in each channel");
+  scene = MakeClosedBox(kGrey);
   scene.point_lights = {{.position = {}, .intensity = {1, 1, 1}, .cone_degrees = 0}};
   EXPECT_EQ(message(scene), "point light 0: cone_degrees 0 is not in (0, 180]");
   scene.point_lights[0].cone_degrees = 30;

@@ -2,6 +2,7 @@
 #include "client/scenes/mesh_file.h"
 
 #include <lzma.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -62,7 +63,7 @@ class MeshFileTest : public ::testing::Test {
     const auto file = Read("m.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
     EXPECT_TRUE(file.ok()) << file.status();
     if (!file.ok() || file->materials.size() != 1) return {};
-    EXPECT_THAT(file->notes, IsEmpty());
+    EXPECT_THAT(file->notes, ::testing::Each(HasSubstr("scaled down")));
     return file->materials[0];
   }
 
@@ -270,6 +271,17 @@ TEST_F(MeshFileTest, NoMaterialGivesEnergyAndEmissionIsRadiance) {
   EXPECT_NEAR(MaxChannel(bright.reflectance + bright.specular), 1, 1e-5);
   EXPECT_NEAR(bright.reflectance.r / bright.reflectance.b, 4, 1e-5);
   EXPECT_EQ(bright.emission, (Rgb{17, 12, 4}));
+  const Material mirror = OneMaterial("Kd 0 0 0\nKs 2 1 1\nillum 3\n");
+  EXPECT_NEAR(mirror.reflectance.r, 1, 1e-5);
+  EXPECT_NEAR(mirror.reflectance.g, 0.5, 1e-5);
+  // One line tells of all of them, and none of what is left as it was.
+  Write("b.mtl", "newmtl a\nKd 0.9 0 0\nKs 0.2 0 0\nillum 2\nnewmtl b\nKd 1 1 1\nillum 2\n");
+  const auto file = Read("b.obj",
+                         "mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\n"
+                         "f 3 2 1\n");
+  ASSERT_TRUE(file.ok()) << file.status();
+  ASSERT_THAT(file->notes, SizeIs(1));
+  EXPECT_THAT(file->notes[0], ::testing::EndsWith("and are scaled down: \"a\""));
 }
 
 TEST_F(MeshFileTest, XzIsReadWithItsMaterialsPackedOrNot) {
@@ -439,6 +451,12 @@ TEST_F(MeshFileTest, FilesThatAreNoneAreNamed) {
   std::filesystem::create_directories(folder_ + "/folder.obj");
   EXPECT_THAT(std::string(ReadMeshFile(folder_ + "/folder.obj").status().message()),
               HasSubstr("it is a folder"));
+  ASSERT_EQ(mkfifo((folder_ + "/pipe.ply").c_str(), 0600), 0);  // opening it would wait for ever
+  EXPECT_THAT(std::string(ReadMeshFile(folder_ + "/pipe.ply").status().message()),
+              HasSubstr("pipe.ply: it is a pipe"));
+  std::filesystem::create_symlink("/dev/zero", folder_ + "/zero.obj");
+  EXPECT_THAT(std::string(ReadMeshFile(folder_ + "/zero.obj").status().message()),
+              HasSubstr("zero.obj: it is a device"));
   EXPECT_THAT(Error("a.stl", "solid"), HasSubstr("ends in none of"));
 }
 
@@ -577,7 +595,8 @@ TEST_P(SharedSceneTest, HasTheTrianglesAndTheBoxOfItsReadme) {
   const float near = 0.0006f * std::max(1.0f, box.max.x / 10);  // half of the last digit there
   EXPECT_LT(Length(box.min - GetParam().min), 2 * near);
   EXPECT_LT(Length(box.max - GetParam().max), 2 * near);
-  for (const std::string& note : file->notes) EXPECT_THAT(note, HasSubstr("without area"));
+  for (const std::string& note : file->notes)
+    EXPECT_THAT(note, ::testing::AnyOf(HasSubstr("without area"), HasSubstr("scaled down")));
 }
 
 INSTANTIATE_TEST_SUITE_P(

@@ -529,5 +529,25 @@ TEST_F(PhotonRendererTest, TheRadiusOfNearestIsAQuantileOverThePhotons) {
   EXPECT_GT(radius(MakeLine(10, 0), 3, 0.5), 0);     // all at one point
 }
 
+// Photons, map and answers do not depend on threads, so neither does a radius that comes of them.
+TEST_F(PhotonRendererTest, TheRadiusOfNearestIsTheSameForAnyNumberOfThreads) {
+  const Intersector scene = MustIntersect(MakeCornell());
+  std::vector<float> radii;
+  for (const std::size_t threads : {1, 2, 8}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const auto photons = TracePhotons(scene, {.indirect_photons = 20'000, .caustic_photons = 0});
+    ASSERT_TRUE(photons.ok()) << photons.status();
+    const auto maps = UploadMaps(*client_, *photons, {.name = "cornell"});
+    ASSERT_TRUE(maps.ok()) << maps.status();
+    const auto radius =
+        RadiusOfNearest(*client_, *maps->refs().indirect, photons->indirect, 50, 0.95);
+    ASSERT_TRUE(radius.ok()) << radius.status();
+    radii.push_back(*radius);
+  }
+  EXPECT_GT(radii[0], 0);
+  EXPECT_EQ(radii[1], radii[0]);
+  EXPECT_EQ(radii[2], radii[0]);
+}
+
 }  // namespace
 }  // namespace treelight::client

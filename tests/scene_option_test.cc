@@ -54,6 +54,33 @@ TEST(SceneOptionTest, TheCameraIsChanged) {
               HasSubstr("parallel to the view"));
 }
 
+TEST(SceneOptionTest, FlagsWinOverTheSceneFile) {
+  const std::string path =
+      ::testing::TempDir() + fmt::format("scene_option_test.{}.json", getpid());
+  std::ofstream(path) << R"({"built_in": "cornell",
+    "materials": {"red": {"surface": "glossy", "reflectance": 0.3, "specular": 0.2, "exponent": 7}},
+    "cameras": [
+      {"name": "a", "position": [0, 1, 5], "target": [0, 1, 0], "vertical_fov_degrees": 30},
+      {"name": "b", "position": [0, 2, 5], "target": [0, 2, 0], "vertical_fov_degrees": 50}]})";
+  const auto plain = Load("--scene " + path);
+  const auto changed = Load("--scene " + path +
+                            " --camera b --camera-target 1,2,3 --camera-fov 12 "
+                            "--material red:reflectance=0.5 --material red:exponent=9");
+  std::filesystem::remove(path);
+  ASSERT_TRUE(plain.ok() && changed.ok()) << plain.status() << changed.status();
+  EXPECT_EQ(plain->scene.camera.vertical_fov_degrees, 30);
+  EXPECT_EQ(plain->scene.materials[1].reflectance, (Rgb{0.3f, 0.3f, 0.3f}));
+  const Camera& camera = changed->scene.camera;
+  EXPECT_EQ(camera.position, (Vec3{0, 2, 5}));  // of b
+  EXPECT_EQ(camera.target, (Vec3{1, 2, 3}));
+  EXPECT_EQ(camera.vertical_fov_degrees, 12);
+  const Material& red = changed->scene.materials[1];
+  EXPECT_EQ(red.surface, Surface::kGlossy);  // of the file
+  EXPECT_EQ(red.reflectance, (Rgb{0.5f, 0.5f, 0.5f}));
+  EXPECT_EQ(red.specular, (Rgb{0.2f, 0.2f, 0.2f}));
+  EXPECT_EQ(red.exponent, 9);
+}
+
 TEST(SceneOptionTest, LightsAreAddedAndMaterialsChanged) {
   const auto loaded = Load(
       "--light 0,1,0,5,6,7 --light 1,1,1,1,1,1 --material red:surface=mirror "

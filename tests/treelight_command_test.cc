@@ -1,6 +1,7 @@
 // Drives the program `treelight` as a user does, most of it against a `treelightd` of its own.
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -283,6 +284,15 @@ TEST_F(TreelightCommandTest, BadFilesAreOneLineAndExitCode1) {
   EXPECT_THAT(FailingRun("build --photons bad.ply --name n", 1), HasSubstr("bad.ply:3: "));
   EXPECT_THAT(FailingRun("gather --map n --queries bad.csv --k 1", 1),
               HasSubstr("bad.csv:2: column 3 is 'three'"));
+  // Nobody writes to the pipe: opening it would wait for ever.
+  ASSERT_EQ(mkfifo(Path("pipe").c_str(), 0600), 0);
+  EXPECT_THAT(FailingRun("gather --map n --queries pipe --k 1", 1),
+              HasSubstr("pipe: it is a pipe"));
+  EXPECT_THAT(FailingRun("build --photons pipe --name n", 1), HasSubstr("pipe: it is a pipe"));
+  EXPECT_THAT(FailingRun("compare pipe pipe", 1), HasSubstr("pipe: it is a pipe"));
+  std::filesystem::create_symlink("pipe", Path("a.json"));
+  EXPECT_THAT(FailingRun("trace --scene a.json --output a.ply", 1),
+              HasSubstr("a.json: it is a pipe"));
   std::ofstream(Path("q.csv")) << "1,2,3\n";
   EXPECT_THAT(FailingRun("gather --map n --queries q.csv --k 1 --output none/a.csv", 1),
               HasSubstr("cannot write none/a.csv: No such file"));
@@ -494,6 +504,12 @@ TEST_F(TreelightWithServerTest, ARenderIsNearItsReference) {
   ASSERT_EQ(render.exit_code, 0) << render.err;
   EXPECT_TRUE(ReadFile(Path("picture.png")).starts_with("\x89PNG\r\n"));
   EXPECT_FALSE(std::filesystem::exists(Path("picture.png.part")));
+  // Radii that are given win over those that the maps suggest.
+  const Outcome fixed = Run(
+      "render --width 8 --height 8 --spp 1 --photons 20000 --radius 0.0625 --caustic-radius 0.125 "
+      "--output small.png");
+  EXPECT_THAT(fixed.out, ::testing::ContainsRegex("largest radius, scene units +0.0625 +0.125\n"));
+  EXPECT_THAT(render.out, Not(HasSubstr("0.0625")));
   EXPECT_THAT(render.out, AllOf(HasSubstr("picture: picture.png\npicture: picture.exr\n"),
                                 HasSubstr("gathers/s of kernel time"),
                                 HasSubstr("gathers/s of wall time"), HasSubstr("light: ")));

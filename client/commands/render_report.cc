@@ -1,6 +1,7 @@
 #include "client/commands/render_report.h"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "client/table.h"
@@ -78,12 +79,14 @@ std::string FormatEnergy(const TracedPhotons& photons) {
   const auto sum = [](const Power& power) { return power[0] + power[1] + power[2]; };
   const EnergyBalance& energy = photons.report.energy;
   const double percent = 100 / sum(energy.emitted);
+  // Of either sign: what rounds to nothing has none.
+  const double roulette = std::round(1e4 * sum(energy.roulette) / sum(energy.emitted)) / 100 + 0.0;
   return fmt::format(
       "light: {:.3f} W on {} paths = {:.2f} % absorbed + {:.2f} % escaped {:+.2f} % roulette + "
       "{:.2f} % cut off\n",
       sum(energy.emitted), photons.report.indirect.paths,
       percent * (sum(energy.absorbed_diffuse) + sum(energy.absorbed_elsewhere)),
-      percent * sum(energy.escaped), percent * sum(energy.roulette), percent * sum(energy.cut));
+      percent * sum(energy.escaped), roulette, percent * sum(energy.cut));
 }
 
 std::string FormatRender(const TracedPhotons& photons, const UploadedMaps& maps,

@@ -1,5 +1,7 @@
 #include "client/commands/trace_report.h"
 
+#include <cmath>
+
 #include "client/table.h"
 #include "fmt/format.h"
 
@@ -10,8 +12,10 @@ double Sum(const Power& power) { return power[0] + power[1] + power[2]; }
 
 /// A row of red, green and blue, and the share of `whole`.
 std::vector<std::string> PowerRow(const std::string& name, const Power& power, double whole) {
+  // What rounds to nothing has no sign.
+  const double percent = std::round(1e4 * Sum(power) / whole) / 100 + 0.0;
   return {name, fmt::format("{:.4g}", power[0]), fmt::format("{:.4g}", power[1]),
-          fmt::format("{:.4g}", power[2]), fmt::format("{:.2f} %", 100 * Sum(power) / whole)};
+          fmt::format("{:.4g}", power[2]), fmt::format("{:.2f} %", percent)};
 }
 
 std::string FormatSets(const TraceReport& report) {

@@ -124,8 +124,11 @@ absl::StatusOr<Mesh> ConvertMeshes(const aiScene& scene, const std::string& path
   return mesh;
 }
 
+constexpr std::size_t kMaxNamed = 5;  // materials in one line
+
 absl::StatusOr<MeshFile> Import(const std::string& name, const Files& files,
-                                Material (*translate)(const aiMaterial&), const std::string& path) {
+                                TranslatedMaterial (*translate)(const aiMaterial&),
+                                const std::string& path) {
   Assimp::Importer importer;
   importer.SetIOHandler(std::make_unique<MemoryFiles>(files).release());  // owns it
   // Points and lines are passed over.
@@ -138,8 +141,21 @@ absl::StatusOr<MeshFile> Import(const std::string& name, const Files& files,
   auto mesh = ConvertMeshes(*scene, path);
   if (!mesh.ok()) return mesh.status();
   file.mesh = *std::move(mesh);
-  for (unsigned i = 0; i < scene->mNumMaterials; ++i)
-    file.materials.push_back(translate(*scene->mMaterials[i]));
+  std::vector<std::string> scaled;
+  for (unsigned i = 0; i < scene->mNumMaterials; ++i) {
+    auto translated = translate(*scene->mMaterials[i]);
+    if (translated.scaled) scaled.push_back(fmt::format("\"{}\"", translated.material.name));
+    file.materials.push_back(std::move(translated.material));
+  }
+  if (!scaled.empty()) {
+    file.notes.push_back(fmt::format(
+        "{}: materials would reflect more light than they get and are "
+        "scaled down: {}{}",
+        path,
+        fmt::join(scaled.begin(),
+                  scaled.begin() + std::min<std::ptrdiff_t>(scaled.size(), kMaxNamed), ", "),
+        scaled.size() > kMaxNamed ? fmt::format(" and {} more", scaled.size() - kMaxNamed) : ""));
+  }
   return file;
 }
 
@@ -198,7 +214,7 @@ absl::StatusOr<MeshFile> ReadObj(std::string_view bytes, const std::string& path
   files[name] = std::move(obj->text);
   auto file = Import(name, files, TranslateMtl, path);
   if (!file.ok()) return file;
-  file->notes = std::move(notes);
+  file->notes.insert(file->notes.begin(), notes.begin(), notes.end());
   if (file->mesh.corners.size() < obj->triangle_count) {
     file->notes.push_back(
         fmt::format("{}: {} of {} triangles are left out: polygons that cross themselves", path,

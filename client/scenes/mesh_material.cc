@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "assimp/GltfMaterial.h"
 #include "assimp/material.h"
@@ -39,28 +40,25 @@ Rgb Clamp(const Rgb& color) {
   return Map(color, [](float c) { return c >= 0 ? std::min(c, 1.0f) : 0.0f; });
 }
 
-/// A colour that keeps its hue: scaled, where a channel is above 1.
-Rgb Limit(const Rgb& color) {
-  const float largest = MaxChannel(color);
-  return largest > 1 ? Clamp((1 / largest) * color) : color;
-}
-
 Rgb NotNegative(const Rgb& color) {
   return Map(color, [](float c) { return c >= 0 && std::isfinite(c) ? c : 0.0f; });
 }
 
-}  // namespace
-
-void LimitReflectance(Material& material) {
+/// Scales reflectance and specular down together, where a channel of their sum is above 1, so that
+/// it becomes 1: a surface gives no energy. Whether it did.
+bool LimitReflectance(Material& material) {
   const float largest = MaxChannel(material.reflectance + material.specular);
-  if (largest <= 1) return;
+  if (largest <= 1) return false;
   // A little less than 1 / largest, as the sum of two roundings may be above 1 again.
   const float scale = (1 - 1e-6f) / largest;
   material.reflectance = scale * material.reflectance;
   material.specular = scale * material.specular;
+  return true;
 }
 
-Material TranslateMtl(const aiMaterial& source) {
+}  // namespace
+
+TranslatedMaterial TranslateMtl(const aiMaterial& source) {
   const Rgb diffuse = NotNegative(ColorOf(source, AI_MATKEY_COLOR_DIFFUSE, {0.6f, 0.6f, 0.6f}));
   const Rgb specular = NotNegative(ColorOf(source, AI_MATKEY_COLOR_SPECULAR, {}));
   int illumination = 2;
@@ -72,8 +70,8 @@ Material TranslateMtl(const aiMaterial& source) {
     case 3:
     case 5:
       material.surface = Surface::kMirror;
-      material.reflectance = Limit(MaxChannel(specular) > 0 ? specular : diffuse);
-      return material;
+      material.reflectance = MaxChannel(specular) > 0 ? specular : diffuse;
+      break;
     case 4:
     case 6:
     case 7: {
@@ -84,23 +82,22 @@ Material TranslateMtl(const aiMaterial& source) {
       material.surface = solid ? Surface::kDielectric : Surface::kPane;
       // The filter is what passes the object; a solid is entered and left.
       material.transmittance = solid ? Map(filter, [](float c) { return std::sqrt(c); }) : filter;
-      return material;
+      break;
     }
     default:
-      break;
+      material.reflectance = diffuse;
+      if (illumination >= 2 && MaxChannel(specular) >= kLeastSpecular) {
+        material.surface = Surface::kGlossy;
+        material.specular = specular;
+        material.exponent =
+            std::clamp(NumberOf(source, AI_MATKEY_SHININESS, 0), 0.0f, kLargestExponent);
+      }
   }
-  material.reflectance = diffuse;
-  if (illumination >= 2 && MaxChannel(specular) >= kLeastSpecular) {
-    material.surface = Surface::kGlossy;
-    material.specular = specular;
-    material.exponent =
-        std::clamp(NumberOf(source, AI_MATKEY_SHININESS, 0), 0.0f, kLargestExponent);
-  }
-  LimitReflectance(material);
-  return material;
+  const bool scaled = LimitReflectance(material);
+  return {.material = std::move(material), .scaled = scaled};
 }
 
-Material TranslateGltf(const aiMaterial& source) {
+TranslatedMaterial TranslateGltf(const aiMaterial& source) {
   const Rgb base = Clamp(ColorOf(source, AI_MATKEY_BASE_COLOR, {1, 1, 1}));
   const float metallic = NumberOf(source, AI_MATKEY_METALLIC_FACTOR, 1);
   const float roughness = std::clamp(NumberOf(source, AI_MATKEY_ROUGHNESS_FACTOR, 1), 0.0f, 1.0f);
@@ -126,7 +123,7 @@ Material TranslateGltf(const aiMaterial& source) {
     const float alpha = roughness * roughness;
     material.exponent = std::clamp(2 / (alpha * alpha) - 2, 0.0f, kLargestExponent);
   }
-  return material;
+  return {.material = std::move(material)};  // a glTF's numbers are at most 1
 }
 
 }  // namespace treelight::client

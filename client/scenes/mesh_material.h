@@ -7,16 +7,18 @@ struct aiMaterial;
 
 namespace treelight::client {
 
-/// Scales reflectance and specular down together, where a channel of their sum is above 1, so that
-/// it becomes 1: a surface gives no energy.
-void LimitReflectance(Material& material);
+/// A material of a file.
+struct TranslatedMaterial {
+  Material material;
+  bool scaled = false;  ///< the file has one that gives energy: its reflectances were scaled down
+};
 
 /// What a material of an OBJ's MTL file means; docs/scenes.md has the rules. Numbers are finite and
 /// not negative.
-Material TranslateMtl(const aiMaterial& source);
+TranslatedMaterial TranslateMtl(const aiMaterial& source);
 
 /// What a material of a glTF means; docs/scenes.md has the rules.
-Material TranslateGltf(const aiMaterial& source);
+TranslatedMaterial TranslateGltf(const aiMaterial& source);
 
 }  // namespace treelight::client
 

@@ -1,5 +1,6 @@
 #include "client/trace/check_scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -9,6 +10,9 @@
 
 namespace treelight::client {
 namespace {
+
+/// By which the sum of two colours may be above 1.
+constexpr float kRounding = 1e-5f;
 
 absl::Status CheckMaterials(const Scene& scene) {
   for (const Material& material : scene.materials) {
@@ -25,6 +29,16 @@ absl::Status CheckMaterials(const Scene& scene) {
     status.Update(check("transmittance", material.transmittance));
     status.Update(check("emission", material.emission));
     if (!status.ok()) return status;
+    const float reflected =
+        MaxChannel(material.surface == Surface::kGlossy ? material.reflectance + material.specular
+                                                        : material.reflectance);
+    const float most = std::max(reflected, MaxChannel(material.transmittance));
+    if (most > 1 + kRounding) {
+      return absl::InvalidArgumentError(fmt::format(
+          "material {}: it gives {:g} times the light that it gets; reflectance and specular "
+          "together, and transmittance, are at most 1 in each channel",
+          material.name, most));
+    }
     const bool refracts =
         material.surface == Surface::kDielectric || material.surface == Surface::kPane;
     if (refracts && !(material.ior > 0 && std::isfinite(material.ior))) {
