@@ -261,5 +261,12 @@ TEST_F(StudyOnServerTest, HardInputsAreAnsweredOrRefused) {
   EXPECT_THAT(notes_[0], HasSubstr("huge: refused: chunk.positions: number "));
 }
 
+TEST_F(StudyOnServerTest, OnlyTheTreesThatAreAskedForAreMeasured) {
+  const auto rows = Run({.scenes = {}, .scene_folder = {}, .hard_photons = 100, .labels = {"isa"}});
+  std::set<std::string> labels;
+  for (const StudyRow& row : rows) labels.insert(Label(row.variant));
+  EXPECT_EQ(labels, (std::set<std::string>{"karras", "isa"}));
+}
+
 }  // namespace
 }  // namespace treelight::client

@@ -1,6 +1,6 @@
 #include "client/study/study.h"
 
-#include <cstdlib>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -116,6 +116,17 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
   return DrawCharts(csv_paths, options.output);
 }
 
+std::vector<std::string> StudyLabels() {
+  std::vector<std::string> labels;
+  for (const std::uint32_t leaf_size : {8u, 1u}) {
+    for (const Variant& variant : StudyVariants(VariantChoice::kAll, leaf_size)) {
+      const std::string label = Label(variant);
+      if (std::find(labels.begin(), labels.end(), label) == labels.end()) labels.push_back(label);
+    }
+  }
+  return labels;
+}
+
 void AddPlanOptions(CLI::App& command, StudyPlan& plan) {
   command
       .add_option("--scenes", plan.scene_folder,
@@ -165,6 +176,13 @@ void AddPlanOptions(CLI::App& command, StudyPlan& plan) {
       ->capture_default_str()
       ->check(CLI::Range(0u, 10'000'000u));
   command.add_flag("--few", plan.few, "Fewer kinds of trees");
+  command
+      .add_option(
+          "--tree", plan.labels,
+          "Only these kinds, and the baseline: \"hybrid isa+leaf 256\", \"isa+leaf\"; may be "
+          "given more than once")
+      ->check(CLI::IsMember(StudyLabels()))
+      ->type_name("LABEL");
 }
 
 }  // namespace

@@ -91,6 +91,7 @@ class PhotonSetStudy {
   /// Builds and judges.
   absl::Status Measure(const Trees& trees) {
     for (const Variant& variant : StudyVariants(trees.variants, trees.leaf_size)) {
+      if (!IsWanted(variant)) continue;
       auto row = MeasureOne(variant, trees.leaf_size);
       if (!row.ok()) {
         return {row.status().code(),
@@ -103,6 +104,12 @@ class PhotonSetStudy {
   }
 
  private:
+  bool IsWanted(const Variant& variant) const {
+    const std::vector<std::string>& labels = plan_.labels;
+    return labels.empty() || IsBaseline(variant) ||
+           std::find(labels.begin(), labels.end(), Label(variant)) != labels.end();
+  }
+
   /// The middle one of those that are more than 0 and finite; 0 where there is none.
   static float Median(std::vector<float> radii) {
     std::erase_if(radii, [](float radius) {

@@ -27,6 +27,8 @@ struct StudyPlan {
   /// Photons of each input on which builders fail (hard_inputs.h), with leaves of 8; 0: none.
   std::uint64_t hard_photons = 20'000;
   bool few = false;  ///< fewer kinds of trees throughout
+  /// Labels of the kinds of trees that are measured, the baseline with them; empty: all.
+  std::vector<std::string> labels{};
   /// Gathers of a batch of light photons that is timed; 0: none. A GPU is busy with 100,000.
   std::uint32_t timed_gathers = 0;
 };

@@ -43,6 +43,7 @@ std::vector<Variant> AllVariants() {
           Treelets("treelet", "isa", kLeaf, 7, 1),
           Treelets("treelet", "isa", kLeaf, 7, 3),
           Treelets("treelet", "isa", kLeaf, 9, 1),
+          Treelets("treelet", "isa", kLeaf, 9, 3),
           Treelets("treelet", "isa", kLeaf, 16, 1),
           Treelets("treelet", "vvh", kLeaf, 7, 3),
           Treelets("trbvh", "sah", kNone, 7, 1),
@@ -50,6 +51,7 @@ std::vector<Variant> AllVariants() {
           Treelets("atrbvh", "sah", kNone, 9, 1),
           Hybrid(kLeaf, 256),
           Hybrid(kLeaf, 1024),
+          Hybrid(kLeaf, 4096),
           Hybrid(kNone, 256),
           {.builder = "balanced", .leaf_term = kNone},
           {.builder = "balanced", .leaf_term = kLeaf},
@@ -69,6 +71,7 @@ std::vector<Variant> FewVariants() {
           Treelets("treelet", "isa", kLeaf, 7, 3),
           Hybrid(kLeaf, 256),
           Hybrid(kLeaf, 1024),
+          Hybrid(kLeaf, 4096),
           Sweep("isa", kLeaf)};
 }
 
