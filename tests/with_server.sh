@@ -5,6 +5,7 @@ set -euo pipefail
 treelightd=${1:?usage: with_server.sh TREELIGHTD COMMAND...}
 shift
 folder=$(mktemp -d)
+touch "$folder/log"  # read below, perhaps before the server has opened it
 "$treelightd" --listen 127.0.0.1:0 --log-file "$folder/requests.jsonl" >"$folder/log" 2>&1 &
 server=$!
 trap 'kill -KILL "$server" 2>/dev/null || true; rm -rf "$folder"' EXIT
