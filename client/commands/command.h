@@ -37,6 +37,8 @@ void AddCompareCommand(CLI::App& app,
                        GlobalOptions& global);  ///< `compare`: how far two pictures are apart
 void AddGatherCommand(CLI::App& app,
                       GlobalOptions& global);  ///< `gather`: a query file becomes answers in CSV
+void AddLoadCommand(CLI::App& app,
+                    GlobalOptions& global);  ///< `load`: how long requests take under load
 void AddMapsCommand(CLI::App& app, GlobalOptions& global);  ///< `maps`: list, show and delete maps
 void AddMeasureCommand(CLI::App& app, GlobalOptions& global);  ///< `measure`: what searches cost
 void AddRebuildCommand(CLI::App& app,

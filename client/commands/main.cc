@@ -64,6 +64,7 @@ int Main(int argc, char** argv) {
   AddBuildCommand(app, global);
   AddCompareCommand(app, global);
   AddGatherCommand(app, global);
+  AddLoadCommand(app, global);
   AddMapsCommand(app, global);
   AddMeasureCommand(app, global);
   AddRebuildCommand(app, global);

@@ -1,0 +1,157 @@
+#include "client/load/load_run.h"
+
+#include <atomic>
+#include <cmath>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <thread>
+
+namespace treelight::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kLate{1};
+// What builds leave behind goes after this.
+constexpr std::chrono::seconds kTimeToLive{5};
+// Different points, so that no cache sees the same batch again and again.
+constexpr std::size_t kBatchCount = 16;
+
+std::vector<float> RandomNumbers(std::size_t count, std::uint32_t seed) {
+  std::mt19937 engine(seed);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  std::vector<float> numbers(count);
+  for (float& number : numbers) number = uniform(engine);
+  return numbers;
+}
+
+// The requests of one run, taken by the workers.
+class Schedule {
+ public:
+  Schedule(const LoadOptions& options, Clock::time_point begin)
+      : times_(IntendedTimes(options)),
+        closed_(options.arrivals == Arrivals::kClosed),
+        begin_(begin),
+        end_(begin + options.duration) {}
+
+  // The number of the next request and when it is meant to be sent; none when the run is over.
+  struct Next {
+    std::uint64_t number;
+    Clock::time_point intended;
+  };
+  std::optional<Next> Take() {
+    const std::uint64_t number = next_++;
+    if (!closed_) {
+      if (number >= times_.size()) return std::nullopt;
+      return Next{number, begin_ + times_[number]};
+    }
+    const auto now = Clock::now();
+    if (now >= end_) return std::nullopt;
+    return Next{number, now};
+  }
+
+ private:
+  const std::vector<std::chrono::nanoseconds> times_;
+  const bool closed_;
+  const Clock::time_point begin_, end_;
+  std::atomic<std::uint64_t> next_ = 0;
+};
+
+// Whether request `number` is a build: they are spread evenly.
+bool IsBuild(std::uint64_t number, double share) {
+  return std::floor(static_cast<double>(number + 1) * share) >
+         std::floor(static_cast<double>(number) * share);
+}
+
+}  // namespace
+
+std::uint64_t LoadResult::sent() const {
+  std::uint64_t sum = 0;
+  for (const KindResult& kind : kinds) sum += kind.sent;
+  return sum;
+}
+
+std::string KindName(RequestKind kind) { return kind == RequestKind::kGather ? "gather" : "build"; }
+
+Photons MakeLoadPhotons(std::uint64_t count, std::uint32_t seed) {
+  return {.positions = RandomNumbers(3 * count, seed),
+          .powers = RandomNumbers(3 * count, seed + 1),
+          .directions = {}};
+}
+
+std::vector<std::chrono::nanoseconds> IntendedTimes(const LoadOptions& options) {
+  std::vector<std::chrono::nanoseconds> times;
+  if (options.arrivals == Arrivals::kClosed) return times;
+  std::mt19937_64 engine(options.seed);
+  std::exponential_distribution<double> distance(options.rate);
+  const double end = std::chrono::duration<double>(options.duration).count();
+  double seconds = options.arrivals == Arrivals::kPoisson ? distance(engine) : 0;
+  for (std::uint64_t i = 1; seconds < end; ++i) {
+    times.emplace_back(static_cast<std::int64_t>(1e9 * seconds));
+    seconds = options.arrivals == Arrivals::kPoisson ? seconds + distance(engine)
+                                                     : static_cast<double>(i) / options.rate;
+  }
+  return times;
+}
+
+LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions& options) {
+  std::vector<std::vector<float>> batches;
+  for (std::size_t i = 0; i < kBatchCount; ++i) {
+    batches.push_back(RandomNumbers(3 * options.queries, options.seed + 100 + i));
+  }
+  const Photons photons =
+      options.build_share > 0 ? MakeLoadPhotons(options.build_photons, options.seed) : Photons{};
+
+  LoadResult result;
+  std::mutex mutex;  // guards `result`
+  const Clock::time_point begin = Clock::now();
+  Schedule schedule(options, begin);
+  const auto work = [&] {
+    std::array<KindResult, kRequestKindCount> kinds;
+    std::uint64_t late = 0;
+    while (const auto next = schedule.Take()) {
+      std::this_thread::sleep_until(next->intended);
+      if (Clock::now() - next->intended > kLate) ++late;
+      const bool build = IsBuild(next->number, options.build_share);
+      KindResult& kind =
+          kinds[static_cast<std::size_t>(build ? RequestKind::kBuild : RequestKind::kGather)];
+      ++kind.sent;
+      const absl::Status status =
+          build
+              ? client.BuildPhotonMap(map.name + ".build", photons, {.time_to_live = kTimeToLive})
+                    .status()
+              : client
+                    .Gather(map, {.positions = batches[next->number % kBatchCount]}, options.gather)
+                    .status();
+      if (status.ok()) {
+        ++kind.ok;
+        kind.latency.Record(Clock::now() - next->intended);
+      } else if (absl::IsResourceExhausted(status)) {
+        ++kind.refused;
+      } else {
+        ++kind.failed;
+        kind.first_failure.Update(status);
+      }
+    }
+    const std::lock_guard lock(mutex);
+    if (options.arrivals != Arrivals::kClosed) result.late += late;
+    for (std::size_t i = 0; i < kRequestKindCount; ++i) {
+      KindResult& sum = result.kinds[i];
+      sum.sent += kinds[i].sent;
+      sum.ok += kinds[i].ok;
+      sum.refused += kinds[i].refused;
+      sum.failed += kinds[i].failed;
+      sum.first_failure.Update(kinds[i].first_failure);
+      sum.latency.Add(kinds[i].latency);
+    }
+  };
+  {
+    std::vector<std::jthread> workers;
+    for (std::uint32_t i = 0; i < options.workers; ++i) workers.emplace_back(work);
+  }
+  result.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+  return result;
+}
+
+}  // namespace treelight::client

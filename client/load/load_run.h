@@ -1,0 +1,80 @@
+#ifndef TREELIGHT_CLIENT_LOAD_LOAD_RUN_H_
+#define TREELIGHT_CLIENT_LOAD_LOAD_RUN_H_
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "client/load/latency_histogram.h"
+#include "client/photon_map_client.h"
+
+namespace treelight::client {
+
+/// When requests are sent.
+enum class Arrivals {
+  kClosed,    ///< each worker sends the next once it has the answer to the last
+  kConstant,  ///< at equal distances, whatever is answered
+  kPoisson,   ///< at exponentially distributed distances, whatever is answered
+};
+
+enum class RequestKind { kGather, kBuild };
+inline constexpr std::size_t kRequestKindCount = 2;
+
+/// What to send.
+struct LoadOptions {
+  Arrivals arrivals = Arrivals::kClosed;
+  double rate = 0;  ///< requests/s of kConstant and kPoisson, > 0
+  std::chrono::milliseconds duration{10'000};
+  std::uint32_t workers = 8;             ///< requests that may be under way, at least 1
+  double build_share = 0;                ///< of the requests that are builds, [0, 1]
+  std::uint64_t build_photons = 10'000;  ///< of one build, which is deleted by its time to live
+  std::uint64_t queries = 1'000;         ///< of one gather
+  GatherOptions gather{.k = 50, .radius = 0.1f, .outputs = kOutputCount | kOutputRadius};
+  std::uint32_t seed = 1;
+};
+
+/// What became of the requests of one kind.
+struct KindResult {
+  std::uint64_t sent = 0, ok = 0;
+  std::uint64_t refused = 0;  ///< RESOURCE_EXHAUSTED
+  std::uint64_t failed = 0;   ///< any other error
+  absl::Status first_failure;
+  /// Of those that are OK, from the moment they were meant to be sent.
+  LatencyHistogram latency;
+};
+
+struct LoadResult {
+  std::array<KindResult, kRequestKindCount> kinds;  ///< by RequestKind
+  double seconds = 0;                               ///< until the last answer
+  /// Sent more than 1 ms after the moment they were meant to be, since all workers waited for
+  /// answers or this machine was too busy: 0 for kClosed, where nothing is meant.
+  std::uint64_t late = 0;
+
+  std::uint64_t sent() const;
+  /// Whether a p99 says something: at most 1 % of the sends were late. Latencies count from the
+  /// intended moment, so that none is left out; but a tail made of waiting for workers is that of
+  /// this tool.
+  bool tail_is_sound() const { return 100 * late <= sent(); }
+};
+
+/// Sends gathers around random points of the unit cube to `map`, and builds, for
+/// LoadOptions::duration, and waits for the answers. Each send that was meant to be is made, also
+/// when late.
+LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions& options);
+
+/// `count` photons, uniform in the unit cube, with powers.
+Photons MakeLoadPhotons(std::uint64_t count, std::uint32_t seed);
+
+/// "gather", "build".
+std::string KindName(RequestKind kind);
+
+/// The moments at which requests are meant to be sent, from the beginning, in order; empty for
+/// kClosed.
+std::vector<std::chrono::nanoseconds> IntendedTimes(const LoadOptions& options);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_LOAD_LOAD_RUN_H_
