@@ -95,8 +95,24 @@ bool ReadsHeuristic(BuilderKind builder) {
          builder == BuilderKind::kSweep;
 }
 
+bool HasDeviceStages(const BuildOptions& options) {
+  switch (options.builder) {
+    case BuilderKind::kLbvh:
+      return true;
+    case BuilderKind::kHybrid:
+      return options.subtree_size <= kMaxDeviceSubtree;
+    case BuilderKind::kTreelet:
+    case BuilderKind::kTrbvh:
+      return options.treelet_size <= 9;
+    case BuilderKind::kAtrbvh:
+      return options.treelet_size <= 16;
+    default:
+      return false;
+  }
+}
+
 std::uint64_t HostBuildBytes(const BuildOptions& options, std::uint64_t photon_count) {
-  if (options.builder == BuilderKind::kLbvh || options.builder == BuilderKind::kHybrid) return 0;
+  if (HasDeviceStages(options)) return 0;
   // A pair of subtrees for each boundary between photons, the photons three times, their ids in
   // three orders, and the tree itself.
   constexpr std::uint64_t kPhotonBytes = 104 + 3 * sizeof(LeafPhoton) + 24;

@@ -50,8 +50,8 @@ inline constexpr std::uint32_t kMaxLeafSize = 64;
 /// Most rounds.
 inline constexpr std::uint32_t kMaxRounds = 8;
 
-/// Largest T.
-inline constexpr std::uint32_t kMaxSubtreeSize = 4096;
+/// Largest T, and largest that the device rebuilds.
+inline constexpr std::uint32_t kMaxSubtreeSize = 4096, kMaxDeviceSubtree = 1024;
 
 /// Makes photon maps. Safe to call from several threads at once.
 class Builder {
@@ -83,6 +83,10 @@ bool ReadsMortonBits(BuilderKind builder);
 bool ReadsHeuristic(BuilderKind builder);
 bool ReadsLeafTerm(BuilderKind builder);
 bool ReadsTreelets(BuilderKind builder);
+
+/// Whether a device builder has the stages of this tree, else it is built on the CPU and copied: of
+/// lbvh, of treelets that one work-group can search, of hybrid with T <= kMaxDeviceSubtree.
+bool HasDeviceStages(const BuildOptions& options);
 
 /// Host memory that a device builder takes for a tree of so many photons, beside the photons,
 /// bytes, a little more rather than less; 0 for kinds that it builds on the device.

@@ -18,11 +18,13 @@ class Blocker {
  public:
   explicit Blocker(DeviceQueue& queue) {
     std::promise<void> begun;
+    // The job may outlive this.
+    const std::shared_future<void> released = release_.get_future().share();
     EXPECT_TRUE(queue
                     .Submit(Wanted,
-                            [&](const absl::Status&, double) {
+                            [&begun, released](const absl::Status&, double) {
                               begun.set_value();
-                              release_.get_future().wait();
+                              released.wait();
                             })
                     .ok());
     begun.get_future().wait();

@@ -52,11 +52,8 @@ LooseTree BuildTreelets(const Positions& positions, const BuildOptions& options,
                         const Measure& measure) {
   LooseTree tree = BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
                              TreeletInputLeafSize(options));
-  const auto method = options.builder == BuilderKind::kTreelet ? TreeletMethod::kKdTree
-                      : options.builder == BuilderKind::kTrbvh ? TreeletMethod::kBvh
-                                                               : TreeletMethod::kAgglomerative;
   RestructureTreelets(tree, {measure, options.leaf_term, options.max_leaf_size},
-                      {method, options.treelet_size, options.rounds});
+                      TreeletOptionsOf(options));
   return tree;
 }
 
@@ -90,6 +87,13 @@ class CpuBuilder : public Builder {
 std::uint32_t TreeletInputLeafSize(const BuildOptions& options) {
   return options.leaf_term == LeafTerm::kLeafSize ? std::max(options.max_leaf_size / 4, 1u)
                                                   : options.max_leaf_size;
+}
+
+TreeletOptions TreeletOptionsOf(const BuildOptions& options) {
+  const auto method = options.builder == BuilderKind::kTreelet ? TreeletMethod::kKdTree
+                      : options.builder == BuilderKind::kTrbvh ? TreeletMethod::kBvh
+                                                               : TreeletMethod::kAgglomerative;
+  return {method, options.treelet_size, options.rounds};
 }
 
 bool NeedsRadius(const BuildOptions& options) {

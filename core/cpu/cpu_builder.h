@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/builder.h"
+#include "core/cpu/treelet.h"
 
 namespace treelight {
 
@@ -13,6 +14,9 @@ namespace treelight {
 /// half a percent of the nodes visited, and take two to five times as long; leaves of B / 2 lose
 /// two percent.
 std::uint32_t TreeletInputLeafSize(const BuildOptions& options);
+
+/// How treelets are restructured, where they are.
+TreeletOptions TreeletOptionsOf(const BuildOptions& options);
 
 /// Whether the builder of `options` takes a gather radius.
 bool NeedsRadius(const BuildOptions& options);

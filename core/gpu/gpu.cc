@@ -12,7 +12,7 @@ Gpu OpenGpu(const DeviceOptions& options) {
       fmt::format("-DGROUP_SIZE={} -DSCAN_ITEMS={} -DSORT_ITEMS={} -DTIE_ITEMS={}", kGroupSize,
                   kScanItems, kSortItems, kTieItems);
   gpu.stages = device.Program({"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl",
-                               "leaves.cl", "hierarchy.cl", "statistics.cl"},
+                               "leaves.cl", "meeting.cl", "hierarchy.cl", "statistics.cl"},
                               group);
   if (device.has_sub_groups()) {
     const std::string tile = fmt::format("-DSWEEP_SUB_GROUPS={}", kSweepGroupSize / kSubGroupSize);

@@ -18,6 +18,7 @@
 #include "core/gpu/statistics.h"
 #include "core/gpu/sweep.h"
 #include "core/gpu/ties.h"
+#include "core/gpu/treelets.h"
 #include "core/model/morton_grid.h"
 #include "core/model/tree.h"
 #include "fmt/format.h"
@@ -98,19 +99,24 @@ PlacedPhotons PlaceLbvh(const BuildInput& in, std::uint32_t max_leaf_size) {
   return {std::move(photons), std::move(leaves), std::move(sorted.levels)};
 }
 
-/// The radius of the options, else one sampled by gathers of the tree over `placed`, 0 where none
-/// is needed.
-float ResolveRadius(const BuildInput& in, const PlacedPhotons& placed) {
+/// The radius of the options, else one sampled by gathers of `tree()`, 0 where none is needed.
+template <typename MakeTree>
+float ResolveRadius(const BuildInput& in, const MakeTree& tree) {
   if (in.options.radius > 0 || !NeedsRadius(in.options)) return in.options.radius;
-  const DeviceTree tree = BuildHierarchy(in.gpu, placed.levels, placed.leaves, placed.photons);
-  const float radius = SampleGatherRadius(in.gpu, tree, in.host_positions, in.options.seed);
+  const float radius = SampleGatherRadius(in.gpu, tree(), in.host_positions, in.options.seed);
   in.timer.Mark("radius");
   return radius;
 }
 
+/// Leaves that a sampled radius is gathered from, photons: subtrees of T are too large for it.
+constexpr std::uint32_t kRadiusLeafSize = 16;
+
 PlacedPhotons PlaceHybrid(const BuildInput& in, float& radius) {
   PlacedPhotons subtrees = PlaceLbvh(in, in.options.subtree_size);
-  radius = ResolveRadius(in, subtrees);
+  radius = ResolveRadius(in, [&] {
+    const Leaves leaves = FindLeaves(in.gpu, subtrees.levels, in.count(), kRadiusLeafSize);
+    return BuildHierarchy(in.gpu, subtrees.levels, leaves, subtrees.photons);
+  });
   PlacedPhotons placed = SweepSubtrees(in.gpu, std::move(subtrees), in.options.subtree_size,
                                        Measure(in.options.heuristic, in.bounds, radius),
                                        in.options.leaf_term, in.options.max_leaf_size);
@@ -118,16 +124,27 @@ PlacedPhotons PlaceHybrid(const BuildInput& in, float& radius) {
   return placed;
 }
 
-/// Whether the device has the stages of a tree.
-bool IsBuiltOnDevice(const BuildOptions& options) {
-  return options.builder == BuilderKind::kLbvh ||
-         (options.builder == BuilderKind::kHybrid && options.subtree_size <= kMaxSweptSubtree);
+PlacedPhotons PlaceTreelets(const BuildInput& in, float& radius) {
+  PlacedPhotons lbvh = PlaceLbvh(in, TreeletInputLeafSize(in.options));
+  const DeviceTree tree = BuildHierarchy(in.gpu, lbvh.levels, lbvh.leaves, std::move(lbvh.photons));
+  in.timer.Mark("lbvh hierarchy");
+  radius = ResolveRadius(in, [&] { return tree; });
+  const TreeletCost cost{Measure(in.options.heuristic, in.bounds, radius), in.options.leaf_term,
+                         in.options.max_leaf_size};
+  PlacedPhotons placed = RestructureTreelets(in.gpu, tree, lbvh.leaves, std::move(lbvh.levels),
+                                             cost, TreeletOptionsOf(in.options), in.cancelled);
+  in.timer.Mark("treelets");
+  return placed;
 }
 
 PlacedPhotons PlacePhotons(const BuildInput& in, float& radius) {
   switch (in.options.builder) {
     case BuilderKind::kHybrid:
       return PlaceHybrid(in, radius);
+    case BuilderKind::kTreelet:
+    case BuilderKind::kTrbvh:
+    case BuilderKind::kAtrbvh:
+      return PlaceTreelets(in, radius);
     default:
       return PlaceLbvh(in, in.options.max_leaf_size);
   }
@@ -160,7 +177,7 @@ class GpuBuilder : public Builder {
     if (const auto status = CheckFits(gpu_.device->info(), photons, options); !status.ok())
       return status;
     std::optional<MeasuredCpuTree> cpu_tree;
-    if (!IsBuiltOnDevice(options)) {
+    if (!HasDeviceStages(options)) {
       auto built = BuildMeasuredCpuTree(photons.positions, options, cancelled);
       if (!built.ok()) return built.status();
       cpu_tree = *std::move(built);

@@ -18,7 +18,7 @@ PlacedPhotons SweepSubtrees(const Gpu& gpu, PlacedPhotons tree, std::uint32_t su
                             const Measure& measure, LeafTerm leaf_term,
                             std::uint32_t max_leaf_size) {
   // One program for a range of sizes: the least local memory, few compilations.
-  const std::uint32_t space = std::bit_ceil(std::clamp(subtree_size, 64u, kMaxSweptSubtree));
+  const std::uint32_t space = std::bit_ceil(std::clamp(subtree_size, 64u, kMaxDeviceSubtree));
   const std::uint32_t small_leaf = max_leaf_size < 8 ? 1 : 8;
   const cl::Program program = gpu.device->Program(
       {"measure.cl", "sweep.cl"},

@@ -1,23 +1,6 @@
 // The radix tree over the leaves (Karras 2012), with boxes, counts and smallest photon indices, all
 // bottom-up in one launch (Apetrei 2014): a subtree finds its parent by comparing the levels of its
-// two boundaries; the second of two siblings to come carries on.
-
-#if __OPENCL_C_VERSION__ >= 300
-typedef atomic_uint Meeting;
-#define EXCHANGE(meeting, value) \
-  atomic_exchange_explicit(meeting, value, memory_order_acq_rel, memory_scope_device)
-#else
-// OpenCL C 1.2 orders memory within a work-group only. Its fence and atomic are fences of the
-// device on x86 (PoCL).
-typedef uint Meeting;
-uint fenced_exchange(volatile global uint* meeting, const uint value) {
-  mem_fence(CLK_GLOBAL_MEM_FENCE);
-  const uint old = atomic_xchg(meeting, value);
-  mem_fence(CLK_GLOBAL_MEM_FENCE);
-  return old;
-}
-#define EXCHANGE(meeting, value) fenced_exchange(meeting, value)
-#endif
+// two boundaries; the second of two siblings to come carries on. Uses meeting.cl.
 
 #define NOBODY 0xffffffffu
 

@@ -141,6 +141,30 @@ typedef struct SweepParams {
   uint unit_size;     /**< costs grow with the count of photons over this, rounded up: 1 or B */
 } SweepParams;
 
+/** Nothing is above: the place of the root among the children of nodes, 2 * node + side. */
+TREELIGHT_SHARED kNoSlot = 0xffffffffu;
+
+/** Bit of a height: all photons below become one leaf. */
+TREELIGHT_SHARED kMergedBit = 0x80000000u;
+
+/** What treelets know of the children of a node beside Node: left, right. */
+typedef struct NodeCosts {
+  float costs[2];      /**< see TreeletCost of core/cpu/treelet_search.h */
+  uint leaf_counts[2]; /**< of the tree that is restructured */
+  uint heights[2];     /**< edges, and kMergedBit */
+} NodeCosts;
+
+/** Arguments of a round of treelet restructuring. */
+typedef struct TreeletParams {
+  MeasureParams measure;
+  uint max_leaf_size; /**< B, photons */
+  uint merges;        /**< subtrees of at most B photons may become one leaf */
+  uint round;         /**< from 0 */
+  uint leaf_count;    /**< of the tree */
+  uint subset_ends[10]; /**< where sets of 0, 1 .. leaves end in the list of sets */
+  float keep;         /**< a treelet stays unless a new one costs less than this part of it */
+} TreeletParams;
+
 #ifndef __OPENCL_C_VERSION__
 static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16 && sizeof(WideBox) == 32);
 }  // namespace treelight
