@@ -69,6 +69,7 @@ std::vector<Variant> FewVariants() {
           Treelets("treelet", "sah", kNone, 7, 1),
           Treelets("treelet", "isa", kLeaf, 7, 1),
           Treelets("treelet", "isa", kLeaf, 7, 3),
+          Treelets("treelet", "isa", kLeaf, 9, 3),
           Hybrid(kLeaf, 256),
           Hybrid(kLeaf, 1024),
           Hybrid(kLeaf, 4096),
