@@ -100,7 +100,7 @@ bool HasDeviceStages(const BuildOptions& options) {
     case BuilderKind::kLbvh:
       return true;
     case BuilderKind::kHybrid:
-      return options.subtree_size <= kMaxDeviceSubtree;
+      return options.subtree_size <= (options.max_leaf_size < 8 ? 512 : kMaxDeviceSubtree);
     case BuilderKind::kTreelet:
     case BuilderKind::kTrbvh:
       return options.treelet_size <= 9;

@@ -50,7 +50,7 @@ inline constexpr std::uint32_t kMaxLeafSize = 64;
 /// Most rounds.
 inline constexpr std::uint32_t kMaxRounds = 8;
 
-/// Largest T, and largest that the device rebuilds.
+/// Largest T, and largest that the device rebuilds; half of that where B is below 8.
 inline constexpr std::uint32_t kMaxSubtreeSize = 4096, kMaxDeviceSubtree = 1024;
 
 /// Makes photon maps. Safe to call from several threads at once.
