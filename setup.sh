@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian 12 packages that Treelight is built from, those that are missing. Needs root or sudo for that, and
-# nothing where all are there.
+# Installs the Debian 12 packages that Treelight is built from, those that are missing; setup.sh fuzz: those of the fuzzers
+# too. Needs root or sudo for that, and nothing where all are there.
 set -euo pipefail
 
 packages=(
@@ -11,8 +11,9 @@ packages=(
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libxxhash-dev prometheus-cpp-dev
   libassimp-dev liblzma-dev
   libgtest-dev libgmock-dev python3-grpcio python3-matplotlib python3-numpy
-  dpkg-dev file help2man
+  dpkg-dev file help2man openssl
 )
+[ "${1:-}" != fuzz ] || packages+=(clang-16 libclang-rt-16-dev)
 
 missing=()
 for package in "${packages[@]}"; do

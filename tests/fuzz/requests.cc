@@ -1,0 +1,130 @@
+// Every converter of requests: the first byte says which, the rest is the message.
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "google/protobuf/stubs/logging.h"
+#include "server/convert.h"
+#include "server/upload.h"
+#include "tests/fuzz/require.h"
+
+namespace treelight::server {
+namespace {
+
+using fuzz::Require;
+using fuzz::RequireRefusal;
+
+Limits SmallLimits() {
+  Limits limits;
+  limits.max_photons = 1000;
+  limits.max_queries = 1000;
+  limits.max_chunk_bytes = 10'000;
+  return limits;
+}
+
+/// Four photons with all that they can have.
+const StoredMap& Map() {
+  static const StoredMap map{
+      .name = "map",
+      .version = 1,
+      .request_id = {},
+      .options = {},
+      .gatherer = *MakeBruteForceBuilder()->Build({.positions = std::vector<float>(12),
+                                                   .powers = std::vector<float>(12),
+                                                   .directions = std::vector<std::int16_t>(8)},
+                                                  {}),
+      .created = {},
+      .expires = {}};
+  return map;
+}
+
+void CheckPlan(const absl::StatusOr<BuildPlan>& plan) {
+  if (!plan.ok()) return RequireRefusal(plan.status());
+  Require(CheckName("name", plan->name).ok(), "a plan has a name");
+  Require(plan->photon_count >= 1 && plan->photon_count <= 1000, "a plan keeps the limits");
+  Require(CheckBuildOptions(plan->options).ok(), "a plan has options that can be built");
+  Require(plan->time_to_live.count() >= 0 && plan->time_to_live <= kMaxTimeToLive, "time to live");
+}
+
+void Header(const std::string& bytes) {
+  v1::BuildHeader header;
+  if (header.ParseFromString(bytes)) CheckPlan(ParseBuildHeader(header, SmallLimits()));
+}
+
+void Rebuild(const std::string& bytes) {
+  v1::RebuildPhotonMapRequest request;
+  if (request.ParseFromString(bytes)) CheckPlan(ParseRebuild(request, Map()));
+}
+
+/// A header, then chunks: the messages of an upload one after the other, each behind its length in
+/// two bytes.
+void WholeUpload(std::string_view bytes) {
+  std::optional<Upload> upload;
+  BuildPlan plan;
+  while (bytes.size() >= 2) {
+    const std::size_t length = static_cast<unsigned char>(bytes[0]) |
+                               static_cast<std::size_t>(static_cast<unsigned char>(bytes[1])) << 8;
+    bytes.remove_prefix(2);
+    const std::string message(bytes.substr(0, length));
+    bytes.remove_prefix(std::min(length, bytes.size()));
+    if (!upload) {
+      v1::BuildHeader header;
+      if (!header.ParseFromString(message)) return;
+      const auto parsed = ParseBuildHeader(header, SmallLimits());
+      if (!parsed.ok()) return;
+      plan = *parsed;
+      auto begun = Upload::Start(plan, SmallLimits());
+      Require(begun.ok(), "a small upload begins");
+      upload = *std::move(begun);
+      continue;
+    }
+    v1::PhotonChunk chunk;
+    if (!chunk.ParseFromString(message)) return;
+    if (const auto added = upload->Add(chunk); !added.ok()) return RequireRefusal(added);
+    Require(upload->received() <= plan.photon_count, "no more than announced");
+  }
+  if (!upload) return;
+  const auto photons = std::move(*upload).Finish();
+  if (!photons.ok()) return RequireRefusal(photons.status());
+  Require(CheckBuild(*photons, plan.options).ok(), "what an upload gives can be built from");
+}
+
+void Gather(const std::string& bytes) {
+  v1::GatherRequest request;
+  if (!request.ParseFromString(bytes)) return;
+  const Gatherer& map = *Map().gatherer;
+  const auto batch = ParseGather(request, map, SmallLimits());
+  if (!batch.ok()) return RequireRefusal(batch.status());
+  Require(batch->size() >= 1 && batch->size() <= 1000, "a batch keeps the limits");
+  const auto answer = map.Gather(batch->queries(0, batch->size()), batch->options);
+  if (!answer.ok()) RequireRefusal(answer.status());
+}
+
+}  // namespace
+}  // namespace treelight::server
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  google::protobuf::SetLogHandler(nullptr);  // of each string that is no UTF-8
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace treelight::server;
+  if (size == 0) return 0;
+  const std::string bytes(reinterpret_cast<const char*>(data + 1), size - 1);
+  switch (data[0] % 4) {
+    case 0:
+      Header(bytes);
+      break;
+    case 1:
+      Rebuild(bytes);
+      break;
+    case 2:
+      WholeUpload(bytes);
+      break;
+    default:
+      Gather(bytes);
+  }
+  return 0;
+}
