@@ -14,6 +14,7 @@
 #include <variant>
 
 #include "fmt/format.h"
+#include "google/protobuf/stubs/logging.h"
 #include "grpc/support/log.h"
 #include "server/address.h"
 #include "server/flags.h"
@@ -34,9 +35,12 @@ int Fail(const absl::Status& status, int code) {
   return code;
 }
 
-/// gRPC's own lines would stand between ours; GRPC_VERBOSITY brings them back.
-void QuietGrpc() {
-  if (std::getenv("GRPC_VERBOSITY") == nullptr) gpr_set_log_function([](gpr_log_func_args*) {});
+/// Lines of gRPC, and of protobuf, which writes some for each string of a client that is no UTF-8,
+/// would stand between ours; GRPC_VERBOSITY brings them back.
+void QuietLibraries() {
+  if (std::getenv("GRPC_VERBOSITY") != nullptr) return;
+  gpr_set_log_function([](gpr_log_func_args*) {});
+  google::protobuf::SetLogHandler(nullptr);
 }
 
 /// Every connection is an open file, and services start with a limit of 1024 of what they may have.
@@ -105,7 +109,7 @@ void ServeUntilSignal(Server& server, SignalWatch& signals, const Flags& flags) 
 int Main(int argc, const char* const* argv) {
   static SignalWatch signals(kExitSignal);  // its thread may outlive main()
   std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
-  QuietGrpc();
+  QuietLibraries();
   RaiseFileLimit();
   auto parsed = ParseFlags(argc, argv);
   if (const auto* exit = std::get_if<Exit>(&parsed)) return exit->code;

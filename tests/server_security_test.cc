@@ -10,6 +10,8 @@
 
 #include "client/photon_map_client.h"
 #include "gmock/gmock.h"
+#include "grpcpp/create_channel.h"
+#include "grpcpp/generic/generic_stub.h"
 #include "gtest/gtest.h"
 #include "tests/gated_builder.h"
 #include "tests/server_process.h"
@@ -332,6 +334,29 @@ TEST_F(ServerSecurityTest, TokenAndTlsTogetherFromTheEnvironment) {
   EXPECT_EQ(Treelight(address, "", err), 0) << err;
   unsetenv("TREELIGHT_CLIENT_TLS_CA");
   unsetenv("TREELIGHT_CLIENT_TOKEN_FILE");
+}
+
+TEST_F(ServerSecurityTest, BytesThatAreNoRequestLeaveNoLineOfALibrary) {
+  Process server({"--listen", "127.0.0.1:0", "--log-file", File("requests")});
+  const std::string address = server.WaitUntilReady();
+  grpc::GenericStub stub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+  for (const char* bytes : {"\x0a\x02\xff\xfe", "\xff\xff\xff\xff", "\x0a\x7f"}) {
+    grpc::ClientContext context;
+    grpc::CompletionQueue queue;
+    const grpc::Slice slice(bytes);
+    const auto call = stub.PrepareUnaryCall(&context, "/treelight.v1.PhotonMapService/GetPhotonMap",
+                                            grpc::ByteBuffer(&slice, 1), &queue);
+    call->StartCall();
+    grpc::ByteBuffer response;
+    grpc::Status status;
+    call->Finish(&response, &status, nullptr);
+    void* tag = nullptr;
+    bool ok = false;
+    queue.Next(&tag, &ok);
+    EXPECT_FALSE(status.ok());
+  }
+  EXPECT_TRUE(Ask(address, {}).ok());
+  EXPECT_EQ(server.err(), "");
 }
 
 TEST_F(ServerSecurityTest, AUnixSocketHasThePermissionsThatWereAskedFor) {
