@@ -96,6 +96,24 @@ class ServerSecurityTest : public ::testing::Test {
     return WEXITSTATUS(status);
   }
 
+  /// How a call of `method` with `bytes` as its only message ends.
+  static grpc::Status CallRaw(const std::string& address, const std::string& method,
+                              const std::string& bytes) {
+    grpc::GenericStub stub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+    grpc::ClientContext context;
+    grpc::CompletionQueue queue;
+    const grpc::Slice slice(bytes);
+    const auto call = stub.PrepareUnaryCall(&context, method, grpc::ByteBuffer(&slice, 1), &queue);
+    call->StartCall();
+    grpc::ByteBuffer response;
+    grpc::Status status;
+    call->Finish(&response, &status, nullptr);
+    void* tag = nullptr;
+    bool ok = false;
+    queue.Next(&tag, &ok);
+    return status;
+  }
+
   std::string folder_;
 };
 
@@ -200,6 +218,10 @@ TEST_F(ServerSecurityTest, ATokenOpensEveryCallAndHealthNeedsNone) {
 
   Process health({"healthcheck", "--listen", address});
   EXPECT_EQ(health.Wait(), 0) << health.err();
+  // Reflection would ask nobody.
+  const std::string reflection = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
+  EXPECT_EQ(CallRaw(address, reflection, std::string("\x3a\x00", 2)).error_code(),
+            grpc::StatusCode::UNIMPLEMENTED);
   server.Signal(SIGTERM);
   EXPECT_EQ(server.Wait(), 0);
   EXPECT_THAT(server.err(), HasSubstr("\"client\":\"renderer\""));
@@ -339,21 +361,8 @@ TEST_F(ServerSecurityTest, TokenAndTlsTogetherFromTheEnvironment) {
 TEST_F(ServerSecurityTest, BytesThatAreNoRequestLeaveNoLineOfALibrary) {
   Process server({"--listen", "127.0.0.1:0", "--log-file", File("requests")});
   const std::string address = server.WaitUntilReady();
-  grpc::GenericStub stub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
   for (const char* bytes : {"\x0a\x02\xff\xfe", "\xff\xff\xff\xff", "\x0a\x7f"}) {
-    grpc::ClientContext context;
-    grpc::CompletionQueue queue;
-    const grpc::Slice slice(bytes);
-    const auto call = stub.PrepareUnaryCall(&context, "/treelight.v1.PhotonMapService/GetPhotonMap",
-                                            grpc::ByteBuffer(&slice, 1), &queue);
-    call->StartCall();
-    grpc::ByteBuffer response;
-    grpc::Status status;
-    call->Finish(&response, &status, nullptr);
-    void* tag = nullptr;
-    bool ok = false;
-    queue.Next(&tag, &ok);
-    EXPECT_FALSE(status.ok());
+    EXPECT_FALSE(CallRaw(address, "/treelight.v1.PhotonMapService/GetPhotonMap", bytes).ok());
   }
   EXPECT_TRUE(Ask(address, {}).ok());
   EXPECT_EQ(server.err(), "");
