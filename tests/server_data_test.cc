@@ -239,7 +239,8 @@ TEST_F(ServerDataTest, FsckTellsWhatIsDamagedAndChangesNothing) {
 TEST_F(ServerDataTest, AFileIsSyncedBeforeItHasItsNameAndTheFolderBeforeTheAnswer) {
   if (std::system("command -v strace >/dev/null") != 0) GTEST_SKIP() << "strace is not installed";
   const std::string trace = folder_ + "/trace";
-  Process server({"strace", "-f", "-y", "-o", trace, "-e", "trace=fsync,renameat2,unlinkat"},
+  // -D: the process that is started is the server, and strace its grandchild.
+  Process server({"strace", "-D", "-f", "-y", "-o", trace, "-e", "trace=fsync,renameat2,unlinkat"},
                  Arguments());
   const std::string address = server.WaitUntilReadyOrEnded();
   if (address.empty()) GTEST_SKIP() << "processes cannot be traced here: " << server.err();
