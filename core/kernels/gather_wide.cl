@@ -13,7 +13,7 @@
 typedef struct Seeker {
   float4 place;  // x, y, z, worst_d2
   uint worst_id, size;
-  float limit, unused;  // squared radius
+  float limit;  // squared radius
 } Seeker;
 
 // Candidates of one item: places lane, 32 + lane, ... of a list.
@@ -190,7 +190,7 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
     const uint query = params.has_order ? order[place] : place;
     const float3 q = vload3(query, positions);
     const float radius = radius_of(params, query, radii_in);
-    seekers[lane] = (Seeker){(float4)(q, radius * radius), NOTHING, 0, radius * radius, 0};
+    seekers[lane] = (Seeker){(float4)(q, radius * radius), NOTHING, 0, radius * radius};
   }
   sub_group_sync();
   uint active = (1u << query_count) - 1;
@@ -255,6 +255,8 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
           if (seeker.size < params.k && seeker.place.w < seeker.limit) active |= 1u << j;
         }
         if (active == 0) break;
+        // All have read the seekers before any changes.
+        sub_group_sync();
         if ((active >> lane & 1) != 0) {
           seekers[lane].place.w = guesses == 1
                                       ? fmin(4 * seekers[lane].place.w, seekers[lane].limit)
@@ -262,7 +264,6 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
           seekers[lane].worst_id = NOTHING;
           seekers[lane].size = 0;
         }
-
         sub_group_sync();
         ++guesses;
         farthest = farthest_bound(seekers, active);
