@@ -7,6 +7,7 @@
 
 #include "core/builder.h"
 #include "gtest/gtest.h"
+#include "tests/answers.h"
 #include "tests/test_device.h"
 
 namespace treelight {
@@ -35,19 +36,8 @@ GatherResult ExpectSameAnswers(const Pair& pair, const GatherQueries& queries,
   const auto expected = pair.brute_force->Gather(queries, options);
   EXPECT_TRUE(actual.ok()) << actual.status();
   EXPECT_TRUE(expected.ok()) << expected.status();
-  EXPECT_EQ(actual->counts, expected->counts);
-  EXPECT_EQ(actual->radii, expected->radii);
-  EXPECT_EQ(actual->neighbor_ids, expected->neighbor_ids);
-  EXPECT_EQ(actual->neighbor_squared_distances, expected->neighbor_squared_distances);
-  EXPECT_EQ(actual->neighbor_offsets, expected->neighbor_offsets);
+  EXPECT_TRUE(SameExactAnswers(*actual, *expected));
   return *actual;
-}
-
-/// Half of the k-th distances of the queries are above this.
-float MedianRadius(const Gatherer& map, const GatherQueries& queries, std::uint32_t k) {
-  auto radii = map.Gather(queries, {.k = k, .outputs = kOutputRadius})->radii;
-  std::nth_element(radii.begin(), radii.begin() + radii.size() / 2, radii.end());
-  return std::isinf(radii[radii.size() / 2]) ? 1.0f : radii[radii.size() / 2];
 }
 
 class EveryCloud : public testing::TestWithParam<std::string> {};

@@ -11,15 +11,6 @@
 namespace treelight {
 namespace {
 
-std::vector<LeafPhoton> InLeafOrder(const SortedCloud& cloud) {
-  std::vector<LeafPhoton> photons;
-  for (const std::uint32_t id : cloud.ids) {
-    const float* p = &cloud.positions[3 * id];
-    photons.push_back({p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id});
-  }
-  return photons;
-}
-
 template <typename T>
 bool SameBits(const std::vector<T>& a, const std::vector<T>& b) {
   return a.size() == b.size() &&

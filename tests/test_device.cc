@@ -48,4 +48,13 @@ SortedCloud SortCloud(const CloudShape& shape, std::size_t count, int code_bits)
   return cloud;
 }
 
+std::vector<LeafPhoton> InLeafOrder(const SortedCloud& cloud) {
+  std::vector<LeafPhoton> photons;
+  for (const std::uint32_t id : cloud.ids) {
+    const float* p = &cloud.positions[3 * std::size_t{id}];
+    photons.push_back({p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id});
+  }
+  return photons;
+}
+
 }  // namespace treelight

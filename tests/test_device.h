@@ -36,6 +36,9 @@ struct SortedCloud {
 };
 SortedCloud SortCloud(const CloudShape& shape, std::size_t count, int code_bits);
 
+/// Its photons in leaf order.
+std::vector<LeafPhoton> InLeafOrder(const SortedCloud& cloud);
+
 }  // namespace treelight
 
 #endif  // TREELIGHT_TESTS_TEST_DEVICE_H_

@@ -9,6 +9,7 @@
 #include "core/model/morton_grid.h"
 #include "core/search_statistics.h"
 #include "gtest/gtest.h"
+#include "tests/answers.h"
 #include "tests/test_device.h"
 #include "tests/tree_kinds.h"
 
@@ -41,11 +42,7 @@ void ExpectTheSame(const Gatherer& cpu, const Gatherer& device, const GatherQuer
   const auto expected = device.Gather(queries, options), actual = cpu.Gather(queries, options);
   ASSERT_TRUE(expected.ok()) << expected.status();
   ASSERT_TRUE(actual.ok()) << actual.status();
-  ASSERT_EQ(actual->counts, expected->counts);
-  ASSERT_EQ(actual->radii, expected->radii);
-  ASSERT_EQ(actual->neighbor_ids, expected->neighbor_ids);
-  ASSERT_EQ(actual->neighbor_squared_distances, expected->neighbor_squared_distances);
-  ASSERT_EQ(actual->neighbor_offsets, expected->neighbor_offsets);
+  ASSERT_TRUE(SameExactAnswers(*actual, *expected));
   ASSERT_EQ(actual->nodes_visited, expected->nodes_visited);
   ASSERT_EQ(actual->distance_tests, expected->distance_tests);
 }

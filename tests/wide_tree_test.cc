@@ -56,11 +56,7 @@ TEST(WideTreeTest, KernelsAgreeWithReference) {
         SortedCloud cloud = SortCloud(shape, size, 30);
         reference::BreakTies(cloud.positions, 30, max_leaf_size, cloud.ids, cloud.levels);
         const auto firsts = reference::LeafFirsts(cloud.levels, size, max_leaf_size);
-        std::vector<LeafPhoton> photons;
-        for (const std::uint32_t id : cloud.ids) {
-          const float* p = &cloud.positions[3 * id];
-          photons.push_back({p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id});
-        }
+        const auto photons = InLeafOrder(cloud);
         const Tree tree = reference::Hierarchy(cloud.levels, firsts, photons, max_leaf_size);
         std::vector<std::uint32_t>
             ends;  // photon ranges of a level's boxes, [ends[i], ends[i + 1])
