@@ -37,6 +37,10 @@ absl::Status CheckFits(const DeviceInfo& device, const Photons& photons,
         photons.size(), largest, device.name, device.max_buffer_bytes,
         device.max_buffer_bytes / sizeof(LeafPhoton)));
   }
+  if (photons.size() > kMaxSortedPairs) {
+    return absl::ResourceExhaustedError(
+        fmt::format("photons: {}, a device sorts at most {}", photons.size(), kMaxSortedPairs));
+  }
   const std::uint64_t code_bytes = options.morton_bits == MortonBits::k63 ? 8 : 4;
   const std::uint64_t build_bytes = photons.size() * (12 + 16 + 2 * (code_bytes + 4) + 4 + 1) +
                                     4 * photons.powers.size() + 2 * photons.directions.size();

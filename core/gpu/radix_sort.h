@@ -14,8 +14,12 @@ struct KeyValues {
   Buffer<cl_uint> values;
 };
 
+/// Pairs of a sort, at most: the one-sweep sort tells of sums below 2^30.
+inline constexpr std::size_t kMaxSortedPairs = (std::size_t{1} << 30) - 1;
+
 /// Sorts the first `count` pairs by the lowest `key_bits` of their keys, ascending and stable
-/// (radix_sort.cl, or radix_sort_onesweep.cl where there are sub-groups). At most 2^30 pairs. The
+/// (radix_sort.cl, or radix_sort_onesweep.cl where there are sub-groups). At most
+/// kMaxSortedPairs. The
 /// buffers of `pairs` may be exchanged for others of the same size. Does not wait.
 template <typename Key>
 void RadixSort(const Gpu& gpu, KeyValues<Key>& pairs, std::size_t count, unsigned key_bits);
