@@ -1,27 +1,17 @@
-// Reading meshes: what files mean, and that broken ones end in one line that says where.
+// Reading meshes: what files mean, and that broken ones say where.
 #include "client/scenes/mesh_file.h"
 
-#include <lzma.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <random>
 #include <string>
 
-#include "absl/strings/escaping.h"
 #include "client/scenes/file_bytes.h"
 #include "client/scenes/vector.h"
-#include "fmt/format.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
-#include "tests/change_json.h"
-#include "tests/shared_scenes.h"
+#include "tests/mesh_files.h"
 
 namespace treelight::client {
 namespace {
@@ -32,56 +22,14 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
+using ::treelight::testing::BinaryPly;
+using ::treelight::testing::Glb;
+using ::treelight::testing::Gltf;
+using ::treelight::testing::GltfWith;
+using ::treelight::testing::kTriangle;
+using ::treelight::testing::Pack;
 
-/// A folder of its own for each test.
-class MeshFileTest : public ::testing::Test {
- protected:
-  MeshFileTest() : folder_(::testing::TempDir() + fmt::format("mesh_file_test.{}", getpid())) {
-    std::filesystem::create_directories(folder_);
-  }
-  ~MeshFileTest() override { std::filesystem::remove_all(folder_); }
-
-  std::string Write(const std::string& name, const std::string& bytes) const {
-    std::ofstream(folder_ + "/" + name, std::ios::binary) << bytes;
-    return folder_ + "/" + name;
-  }
-  absl::StatusOr<MeshFile> Read(const std::string& name, const std::string& bytes,
-                                const MeshFileOptions& options = {}) const {
-    return ReadMeshFile(Write(name, bytes), options);
-  }
-  /// The message of a file that must be refused, without the folder.
-  std::string Error(const std::string& name, const std::string& bytes) const {
-    const auto file = Read(name, bytes);
-    EXPECT_EQ(file.status().code(), absl::StatusCode::kInvalidArgument) << file.status();
-    const std::string message(file.status().message());
-    EXPECT_THAT(message, StartsWith(folder_ + "/"));
-    return message.substr(std::min(folder_.size() + 1, message.size()));
-  }
-  /// The material of an OBJ with one triangle, of MTL text `fields`.
-  Material OneMaterial(const std::string& fields) const {
-    Write("m.mtl", "newmtl m\n" + fields);
-    const auto file = Read("m.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
-    EXPECT_TRUE(file.ok()) << file.status();
-    if (!file.ok() || file->materials.size() != 1) return {};
-    EXPECT_THAT(file->notes, ::testing::Each(HasSubstr("scaled down")));
-    return file->materials[0];
-  }
-
-  const std::string folder_;
-};
-
-std::string Pack(const std::string& bytes) {
-  std::string packed(lzma_stream_buffer_bound(bytes.size()), '\0');
-  std::size_t size = 0;
-  const lzma_ret code = lzma_easy_buffer_encode(
-      6, LZMA_CHECK_CRC64, nullptr, reinterpret_cast<const std::uint8_t*>(bytes.data()),
-      bytes.size(), reinterpret_cast<std::uint8_t*>(packed.data()), &size, packed.size());
-  EXPECT_EQ(code, LZMA_OK);
-  packed.resize(size);
-  return packed;
-}
-
-constexpr char kTriangle[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+class MeshFileTest : public ::treelight::testing::MeshFiles {};
 
 double Area(const Mesh& mesh) {
   double area = 0;
@@ -90,64 +38,6 @@ double Area(const Mesh& mesh) {
     area += Length(Cross(mesh.vertices[c[1]] - a, mesh.vertices[c[2]] - a)) / 2;
   }
   return area;
-}
-
-std::string BinaryPly() {
-  std::string ply =
-      "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float "
-      "y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n";
-  const std::array<float, 12> positions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
-  ply.append(reinterpret_cast<const char*>(positions.data()), sizeof(positions));
-  for (const std::array<std::int32_t, 3>& face :
-       {std::array<std::int32_t, 3>{0, 1, 2}, {0, 2, 3}}) {
-    ply.push_back(3);
-    ply.append(reinterpret_cast<const char*>(face.data()), sizeof(face));
-  }
-  return ply;
-}
-
-/// A unit square of two triangles: its positions, then its indices.
-std::string SquareBuffer() {
-  std::string buffer;
-  const std::array<float, 12> positions = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
-  const std::array<std::uint16_t, 6> indices = {0, 1, 2, 0, 2, 3};
-  buffer.append(reinterpret_cast<const char*>(positions.data()), sizeof(positions));
-  buffer.append(reinterpret_cast<const char*>(indices.data()), sizeof(indices));
-  return buffer;
-}
-
-/// The square, twice as large by its node, made of copper; `uri` is that of its buffer.
-std::string GltfWith(const std::string& uri) {
-  return R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
-  "nodes": [{"mesh": 0, "scale": [2, 2, 2], "translation": [0, 0, 5]}],
-  "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
-  "materials": [{"name": "copper", "emissiveFactor": [0, 0, 0.5], "pbrMetallicRoughness":
-    {"baseColorFactor": [0.9, 0.5, 0.3, 1], "metallicFactor": 1, "roughnessFactor": 0.5}}],
-  "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 48},
-                  {"buffer": 0, "byteOffset": 48, "byteLength": 12}],
-  "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3",
-                 "min": [0, 0, 0], "max": [1, 1, 0]},
-                {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}],
-  "buffers": [{"byteLength": 60)" +
-         uri + "}]}";
-}
-
-std::string Gltf() {
-  return GltfWith(fmt::format(R"(, "uri": "data:application/octet-stream;base64,{}")",
-                              absl::Base64Escape(SquareBuffer())));
-}
-
-std::string Glb() {
-  std::string json = GltfWith("");
-  json.append((4 - json.size() % 4) % 4, ' ');
-  const auto word = [](std::size_t value) {
-    const auto w = static_cast<std::uint32_t>(value);
-    return std::string(reinterpret_cast<const char*>(&w), 4);
-  };
-  const std::string buffer = SquareBuffer();
-  const std::string chunks =
-      word(json.size()) + "JSON" + json + word(buffer.size()) + std::string("BIN\0", 4) + buffer;
-  return "glTF" + word(2) + word(12 + chunks.size()) + chunks;
 }
 
 TEST_F(MeshFileTest, ObjHasPolygonsAndNegativeIndices) {
@@ -459,184 +349,6 @@ TEST_F(MeshFileTest, FilesThatAreNoneAreNamed) {
               HasSubstr("zero.obj: it is a device"));
   EXPECT_THAT(Error("a.stl", "solid"), HasSubstr("ends in none of"));
 }
-
-/// Whatever the bytes, the answer is a valid mesh or one line that names the file.
-void ExpectMeshOrOneLine(const std::string& bytes, const std::string& path) {
-  const auto file = ParseMesh(bytes, path);
-  if (!file.ok()) {
-    const std::string message(file.status().message());
-    EXPECT_THAT(message, HasSubstr(path.substr(path.find_last_of('/') + 1)));
-    EXPECT_TRUE(std::all_of(message.begin(), message.end(), [](char c) {
-      return c >= ' ' && c <= '~';
-    })) << message;
-    EXPECT_LT(message.size(), 500u);
-    return;
-  }
-  const Mesh& mesh = file->mesh;
-  ASSERT_FALSE(mesh.corners.empty());
-  ASSERT_EQ(mesh.corners.size(), mesh.materials.size());
-  for (const auto& triangle : mesh.corners) {
-    for (const std::uint32_t corner : triangle) ASSERT_LT(corner, mesh.vertices.size());
-  }
-  for (const Vec3& v : mesh.vertices)
-    ASSERT_TRUE(std::fabs(v.x) <= 1e18f && std::fabs(v.y) <= 1e18f && std::fabs(v.z) <= 1e18f);
-}
-
-const std::pair<const char*, std::string> kSamples[] = {
-    {"/none/a.obj",
-     "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nusemtl red\n"
-     "f 1//1 2//1 3//1 4//1\nf -4/-1/-1 -3/1/1 -2/1/1\nv 0.5 2 0\nf 1 2 3 5 4\n"},
-    {"/none/a.ply", BinaryPly()},
-    {"/none/b.ply",
-     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
-     "z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 "
-     "0\n3 "
-     "0 1 2\n"},
-    {"/none/a.gltf", Gltf()},
-    {"/none/a.glb", Glb()}};
-
-TEST_F(MeshFileTest, TruncatedFilesEndInOneLine) {
-  for (const auto& [path, bytes] : kSamples) {
-    const auto whole = ParseMesh(bytes, path);
-    ASSERT_TRUE(whole.ok()) << path << whole.status();
-    for (std::size_t size = 0; size < bytes.size(); ++size) {
-      SCOPED_TRACE(fmt::format("{} cut to {} bytes", path, size));
-      ExpectMeshOrOneLine(bytes.substr(0, size), path);
-    }
-  }
-  const std::string packed = Pack(kTriangle);
-  for (std::size_t size = 0; size < packed.size(); ++size) {
-    const auto file = Read("cut.obj.xz", packed.substr(0, size));
-    EXPECT_EQ(file.status().code(), absl::StatusCode::kInvalidArgument) << size;
-  }
-}
-
-/// Changes a few bytes: other values, digits and signs, bytes taken out, pieces repeated.
-std::string Mutate(std::string bytes, std::mt19937& random) {
-  const auto below = [&random](std::size_t n) { return random() % std::max<std::size_t>(n, 1); };
-  for (std::size_t i = 0, count = 1 + below(4); i < count; ++i) {
-    const std::size_t at = below(bytes.size());
-    switch (below(4)) {
-      case 0:
-        bytes[at] = static_cast<char>(below(256));
-        break;
-      case 1:
-        bytes[at] = "0123456789-.e/ \n[]{},:\""[below(24)];
-        break;
-      case 2:
-        bytes.erase(at, 1 + below(8));
-        break;
-      default:
-        bytes.insert(at, bytes.substr(below(bytes.size()), 1 + below(16)));
-    }
-    if (bytes.empty()) break;
-  }
-  return bytes;
-}
-
-TEST_F(MeshFileTest, ChangedAndRandomFilesEndInOneLine) {
-  const std::uint32_t fresh = std::random_device()();
-  for (const std::uint32_t seed : {7u, fresh}) {
-    std::mt19937 random(seed);
-    for (const auto& [path, bytes] : kSamples) {
-      for (int i = 0; i < 400; ++i) {
-        SCOPED_TRACE(fmt::format("{}, seed {}, round {}", path, seed, i));
-        ExpectMeshOrOneLine(Mutate(bytes, random), path);
-        if (HasFatalFailure()) return;
-      }
-      for (int i = 0; i < 50; ++i) {
-        std::string noise(1 + random() % 400, '\0');
-        for (char& c : noise) c = static_cast<char>(random());
-        SCOPED_TRACE(fmt::format("{}, seed {}, noise {}", path, seed, i));
-        ExpectMeshOrOneLine(noise, path);
-      }
-    }
-  }
-}
-
-TEST_F(MeshFileTest, GltfOfOtherValuesEndsInOneLine) {
-  const auto gltf = nlohmann::json::parse(Gltf());
-  const std::uint32_t fresh = std::random_device()();
-  for (const std::uint32_t seed : {5u, fresh}) {
-    std::mt19937 random(seed);
-    for (int i = 0; i < 600; ++i) {
-      auto changed = gltf;
-      for (std::size_t k = 0, count = 1 + random() % 3; k < count; ++k)
-        testing::ChangeJson(changed, random);
-      SCOPED_TRACE(fmt::format("seed {}, round {}: {}", seed, i, changed.dump()));
-      ExpectMeshOrOneLine(changed.dump(), "/none/a.gltf");
-      if (HasFatalFailure()) return;
-    }
-  }
-}
-
-struct SharedScene {
-  const char* file;
-  std::size_t triangles, degenerate;  // as its README says
-  Vec3 min, max;
-};
-
-class SharedSceneTest : public ::testing::TestWithParam<SharedScene> {};
-
-TEST_P(SharedSceneTest, HasTheTrianglesAndTheBoxOfItsReadme) {
-  const std::string folder = testing::SharedScenesFolder();
-  if (folder.empty()) {
-    GTEST_SKIP()
-        << "NOT TESTED: the sample scenes are not here; set TREELIGHT_SCENES to their folder";
-  }
-  const auto file = ReadMeshFile(folder + "/" + GetParam().file);
-  ASSERT_TRUE(file.ok()) << file.status();
-  EXPECT_EQ(file->mesh.corners.size() + file->degenerate_count, GetParam().triangles);
-  if (GetParam().degenerate > 0) {
-    EXPECT_EQ(file->degenerate_count, GetParam().degenerate);
-  }
-  Box box;
-  for (const Vec3& vertex : file->mesh.vertices) box.Extend(vertex);
-  const float near = 0.0006f * std::max(1.0f, box.max.x / 10);  // half of the last digit there
-  EXPECT_LT(Length(box.min - GetParam().min), 2 * near);
-  EXPECT_LT(Length(box.max - GetParam().max), 2 * near);
-  for (const std::string& note : file->notes)
-    EXPECT_THAT(note, ::testing::AnyOf(HasSubstr("without area"), HasSubstr("scaled down")));
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    All, SharedSceneTest,
-    ::testing::Values(
-        SharedScene{"sibenik/sibenik.obj.xz",
-                    75284,
-                    0,
-                    {-20.141f, -15.312f, -8.497f},
-                    {20.141f, 15.300f, 8.497f}},
-        SharedScene{"dragon/dragon_vrip.ply.xz",
-                    871414,
-                    108,
-                    {-0.1083f, 0.0527f, -0.0504f},
-                    {0.0966f, 0.1972f, 0.0412f}},
-        SharedScene{"conference/conference.obj.xz",
-                    331179,
-                    53627,
-                    {-1020.1f, -2.8f, -1055.7f},
-                    {1685.8f, 650.3f, 668.5f}},
-        SharedScene{"conference/conference_lbl.obj.xz",
-                    210200,
-                    0,
-                    {-0.178f, -0.165f, -0.005f},
-                    {11.125f, 7.010f, 2.713f}},
-        SharedScene{
-            "cornell/CornellBox-Original.obj", 36, 0, {-1.02f, 0, -1.04f}, {1, 1.99f, 0.99f}},
-        SharedScene{"cornell/CornellBox-Water.obj.xz",
-                    7088,
-                    0,
-                    {-1.02f, 0, -1.04f},
-                    {1.004f, 1.59f, 0.99f}},
-        SharedScene{"caustics/MNCardioid.obj", 130, 0, {-17.1f, 0, -17.1f}, {17.1f, 2, 17.1f}}),
-    [](const auto& param_info) {
-      std::string name = param_info.param.file;
-      std::replace_if(
-          name.begin(), name.end(),
-          [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); }, '_');
-      return name;
-    });
 
 }  // namespace
 }  // namespace treelight::client
