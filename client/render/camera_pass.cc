@@ -23,8 +23,9 @@ constexpr std::uint32_t kMaxGatherSurfaces = 64;
 /// Diffuse surfaces among them: a corner is left after few bounces.
 constexpr std::uint32_t kMaxNearBounces = 4;
 /// Rays by the diffuse lobe that look for lamps, on average: at a diffuse hit without gather rays,
-/// and where a gather ray ends. They are for what lies next to a lamp, hence few.
-constexpr float kLampRaysAtHit = 0.25f, kLampRaysAtEnd = 0.125f;
+/// and where a gather ray ends. They are for what lies next to a lamp: few hits do, but the ends of
+/// the gather rays of a whole room meet there, and what one of many lamps lights is seldom sampled.
+constexpr float kLampRaysAtHit = 0.25f, kLampRaysAtEnd = 1;
 /// Panes that such a ray passes.
 constexpr int kMaxPanes = 64;
 
