@@ -11,6 +11,7 @@
 namespace treelight::client {
 namespace {
 
+using ::treelight::testing::MakeClosedBox;
 using ::treelight::testing::MakeDiffuseBox;
 using ::treelight::testing::MakeFurnace;
 using ::treelight::testing::MakeLampOverFloor;
@@ -79,6 +80,43 @@ TEST_F(PhotonRendererAgreementTest, FinalGatheringAgreesWithThePathTracerInCorne
     EXPECT_NEAR(error->mean_ratio, 1, 0.02) << min_distance;
     EXPECT_LT(error->relative_mse, 0.02) << min_distance;
   }
+}
+
+/// A box with 64 small lamps in its ceiling, each with a white flap close beside it.
+Scene MakeBoxOfManyLamps() {
+  Scene scene = MakeClosedBox({.name = "grey", .reflectance = {0.1f, 0.1f, 0.1f}});
+  scene.materials.push_back({.name = "lamp", .reflectance = {}, .emission = {30, 30, 30}});
+  scene.materials.push_back({.name = "flap", .reflectance = {0.9f, 0.9f, 0.9f}});
+  for (int i = 0; i < 64; ++i) {
+    const float x = 0.08f + 0.12f * static_cast<float>(i % 8),
+                z = 0.08f + 0.12f * static_cast<float>(i / 8), w = x + 0.04f, d = z + 0.04f;
+    AddQuad({x, 0.98f, z}, {w, 0.98f, z}, {w, 0.98f, d}, {x, 0.98f, d}, 1, scene.mesh);
+    AddQuad({w, 0.98f, z}, {w, 0.9f, z}, {w, 0.9f, d}, {w, 0.98f, d}, 2, scene.mesh);
+    AddQuad({w, 0.98f, d}, {w, 0.9f, d}, {w, 0.9f, z}, {w, 0.98f, z}, 2, scene.mesh);
+  }
+  scene.camera = {
+      .position = {0.5f, 0.5f, 0.95f}, .target = {0.5f, 0.2f, 0}, .vertical_fov_degrees = 40};
+  return scene;
+}
+
+// A flap is lit by its own lamp, which one shadow ray in 64 finds: gather rays that end there made
+// specks.
+TEST_F(PhotonRendererAgreementTest, FinalGatheringAgreesWithThePathTracerUnderManyLamps) {
+  const Intersector scene = MustIntersect(MakeBoxOfManyLamps());
+  const auto reference =
+      PathTrace(scene, {.width = kSide, .height = kSide, .samples_per_pixel = 3000, .seed = 1});
+  ASSERT_TRUE(reference.ok()) << reference.status();
+  const auto maps = MustUpload(scene, 60'000);
+  const auto render =
+      MustRender(scene, maps.refs(),
+                 {.width = kSide,
+                  .height = kSide,
+                  .camera = {.samples_per_pixel = 4, .light_strata = 16, .final_gather_rays = 8},
+                  .indirect = {.k = 0, .radius = 0.04f}});
+  const auto error = Compare(render.image, reference->image);
+  ASSERT_TRUE(error.ok());
+  EXPECT_NEAR(error->mean_ratio, 1, 0.03);  // flaps and ceiling are in one sphere
+  EXPECT_LT(error->relative_mse, 0.04);
 }
 
 /// A box with all that scatters: a glossy floor, a mirror sphere, a pane in the middle.
