@@ -75,7 +75,8 @@ absl::StatusOr<Photons> Read(const std::string& file) {
 
 bool SameBits(const Photons& a, const Photons& b) {
   const auto same = [](const auto& x, const auto& y) {
-    return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
+    return x.size() == y.size() &&
+           (x.empty() || std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0);
   };
   return same(a.positions, b.positions) && same(a.powers, b.powers) &&
          same(a.directions, b.directions);
