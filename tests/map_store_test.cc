@@ -107,8 +107,9 @@ TEST(MapStoreTest, ExpiredMapsAreInvisibleBeforeTheyAreSwept) {
   EXPECT_EQ(store.Find("a", 2).status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(store.FindRequest("id"), nullptr);
   EXPECT_EQ(store.List().size(), 1u);
-  EXPECT_EQ(store.SweepExpired(), 1u);
+  EXPECT_LE(store.SweepExpired(), 1u);  // none where the store's own sweeper came first
   EXPECT_EQ(store.SweepExpired(), 0u);
+  EXPECT_EQ(store.List().size(), 1u);
 }
 
 TEST(MapStoreTest, TheSweeperFreesExpiredMaps) {
