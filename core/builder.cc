@@ -100,12 +100,12 @@ bool HasDeviceStages(const BuildOptions& options) {
     case BuilderKind::kLbvh:
       return true;
     case BuilderKind::kHybrid:
-      return options.subtree_size <= (options.max_leaf_size < 8 ? 512 : kMaxDeviceSubtree);
+      return options.subtree_size <= MaxDeviceSubtree(options.max_leaf_size);
     case BuilderKind::kTreelet:
     case BuilderKind::kTrbvh:
-      return options.treelet_size <= 9;
+      return options.treelet_size <= kMaxSearchedTreelet;
     case BuilderKind::kAtrbvh:
-      return options.treelet_size <= 16;
+      return options.treelet_size <= kMaxDeviceAgglomeration;
     default:
       return false;
   }

@@ -50,8 +50,20 @@ inline constexpr std::uint32_t kMaxLeafSize = 64;
 /// Most rounds.
 inline constexpr std::uint32_t kMaxRounds = 8;
 
-/// Largest T, and largest that the device rebuilds; half of that where B is below 8.
-inline constexpr std::uint32_t kMaxSubtreeSize = 4096, kMaxDeviceSubtree = 1024;
+/// Largest T.
+inline constexpr std::uint32_t kMaxSubtreeSize = 4096;
+
+/// Below this B the nodes of a subtree take so much local memory that the device rebuilds half as
+/// much.
+inline constexpr std::uint32_t kManyNodesLeafSize = 8;
+
+/// Largest T that the device rebuilds.
+constexpr std::uint32_t MaxDeviceSubtree(std::uint32_t max_leaf_size) {
+  return max_leaf_size < kManyNodesLeafSize ? 512 : 1024;
+}
+
+/// Largest treelet of atrbvh that the device restructures; of the others kMaxSearchedTreelet.
+inline constexpr std::uint32_t kMaxDeviceAgglomeration = 16;
 
 /// Makes photon maps. Safe to call from several threads at once.
 class Builder {
@@ -85,7 +97,7 @@ bool ReadsLeafTerm(BuilderKind builder);
 bool ReadsTreelets(BuilderKind builder);
 
 /// Whether a device builder has the stages of this tree, else it is built on the CPU and copied: of
-/// lbvh, of treelets that one work-group can search, of hybrid with T <= kMaxDeviceSubtree.
+/// lbvh, of treelets that one work-group can search, of hybrid with T <= MaxDeviceSubtree.
 bool HasDeviceStages(const BuildOptions& options);
 
 /// Host memory that a device builder takes for a tree of so many photons, beside the photons,

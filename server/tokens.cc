@@ -12,6 +12,8 @@
 #include <cstring>
 #include <utility>
 
+#include "absl/strings/escaping.h"
+#include "absl/strings/string_view.h"
 #include "fmt/format.h"
 #include "server/convert.h"
 
@@ -144,21 +146,16 @@ absl::StatusOr<std::vector<TokenHash>> ParseTokens(std::string_view text, std::s
 
 absl::StatusOr<NewToken> MakeToken(std::string_view name) {
   if (auto status = CheckName("name", name); !status.ok()) return status;
-  constexpr std::string_view kDigits =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
   std::array<unsigned char, kRandomBytes> random{};
   if (RAND_bytes(random.data(), static_cast<int>(random.size())) != 1) {
     return absl::InternalError("the system gives no random numbers");
   }
-  // base64url, six bits a character.
-  NewToken made{.token = std::string(kPrefix), .line = {}};
-  for (std::size_t bit = 0; bit < 8 * random.size(); bit += 6) {
-    const unsigned first = random[bit / 8];
-    const unsigned second = bit / 8 + 1 < random.size() ? random[bit / 8 + 1] : 0;
-    made.token += kDigits[((first << 8 | second) >> (10 - bit % 8)) & 63];
-  }
-  made.line = fmt::format("{} {}", name, kScheme);
-  for (const unsigned char byte : Hash(made.token)) made.line += fmt::format("{:02x}", byte);
+  const auto text = [](const auto& bytes) {
+    return absl::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  };
+  NewToken made{.token = fmt::format("{}{}", kPrefix, absl::WebSafeBase64Escape(text(random))),
+                .line = {}};
+  made.line = fmt::format("{} {}{}", name, kScheme, absl::BytesToHexString(text(Hash(made.token))));
   return made;
 }
 

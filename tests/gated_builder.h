@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "core/builder.h"
+#include "tests/forwarding_gatherer.h"
 
 namespace treelight::testing {
 
@@ -34,27 +35,20 @@ struct Gate {
 };
 
 /// Brute force behind a gate.
-class GatedGatherer : public Gatherer {
+class GatedGatherer : public ForwardingGatherer {
  public:
   GatedGatherer(std::shared_ptr<Gate> gate, std::unique_ptr<Gatherer> map)
-      : gate_(std::move(gate)), map_(std::move(map)) {}
+      : ForwardingGatherer(std::move(map)), gate_(std::move(gate)) {}
 
   absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
                                       const CancelCheck& cancelled) const override {
     ++gate_->gathers;
     if (auto status = gate_->Pass(cancelled); !status.ok()) return status;
-    return map_->Gather(queries, options, cancelled);
+    return ForwardingGatherer::Gather(queries, options, cancelled);
   }
-  absl::StatusOr<Tree> ReadTree() const override { return map_->ReadTree(); }
-  absl::StatusOr<Photons> ReadPhotons() const override { return map_->ReadPhotons(); }
-  std::size_t photon_count() const override { return map_->photon_count(); }
-  bool has_powers() const override { return map_->has_powers(); }
-  bool has_directions() const override { return map_->has_directions(); }
-  const BuildReport& report() const override { return map_->report(); }
 
  private:
   std::shared_ptr<Gate> gate_;
-  std::unique_ptr<Gatherer> map_;
 };
 
 /// Makes GatedGatherers; its builds pass the gate too.

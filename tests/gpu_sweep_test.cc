@@ -46,8 +46,8 @@ TEST_P(GpuSweepTest, IsThePlainSweepOnEveryCloud) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, GpuSweepTest,
-                         testing::Values(Sizes{1, 64}, Sizes{1, 512}, Sizes{8, 256}, Sizes{3, 100}, Sizes{8, 8},
-                                         Sizes{64, 1024}),
+                         testing::Values(Sizes{1, 64}, Sizes{1, 512}, Sizes{8, 256}, Sizes{3, 100},
+                                         Sizes{8, 8}, Sizes{64, 1024}),
                          [](const auto& test) {
                            return "Leaf" + std::to_string(test.param.max_leaf_size) + "Subtree" +
                                   std::to_string(test.param.subtree_size);

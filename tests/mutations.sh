@@ -20,7 +20,7 @@ hierarchy.cl      @ s/count += sibling_count/count += 1/ @ hierarchy_test
 hierarchy.cl      @ s/min_id = min(min_id, min_ids\[/min_id = max(min_id, min_ids[/ @ hierarchy_test
 statistics.cl     @ s/node->right_max/node->left_max/ @ hierarchy_test
 sweep.cl          @ s/run.last > run.end) {/run.last > run.end + 8) {/ @ gpu_sweep_test
-sweep.cl          @ s/u == v \&\& a > b/u == v \&\& a < b/ @ gpu_sweep_test
+subtree.cl        @ s/u == v \&\& a > b/u == v \&\& a < b/ @ gpu_sweep_test
 sweep.cl          @ s/kLevelSweep + depth/kLevelSweep/ @ gpu_sweep_test
 measure.cl        @ s/d.z \* d.x/d.z * d.y/ @ gpu_sweep_test
 heap.cl           @ s/heap\[(child + 1) \* stride\] > largest/heap[(child + 1) * stride] < largest/ @ gatherer_test

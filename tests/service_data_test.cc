@@ -7,6 +7,7 @@
 
 #include "gmock/gmock.h"
 #include "server/snapshot_folder.h"
+#include "tests/forwarding_gatherer.h"
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
 
@@ -29,25 +30,15 @@ class SizedBuilder final : public Builder {
   }
 
  private:
-  class SizedMap final : public Gatherer {
+  class SizedMap final : public ForwardingGatherer {
    public:
-    explicit SizedMap(std::unique_ptr<Gatherer> map)
-        : map_(std::move(map)), report_(map_->report()) {
-      report_.device_bytes = 64 * map_->photon_count();
+    explicit SizedMap(std::unique_ptr<Gatherer> map) : ForwardingGatherer(std::move(map)) {
+      report_ = ForwardingGatherer::report();
+      report_.device_bytes = 64 * photon_count();
     }
-    absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
-                                        const CancelCheck& cancelled) const override {
-      return map_->Gather(queries, options, cancelled);
-    }
-    absl::StatusOr<Tree> ReadTree() const override { return map_->ReadTree(); }
-    absl::StatusOr<Photons> ReadPhotons() const override { return map_->ReadPhotons(); }
-    std::size_t photon_count() const override { return map_->photon_count(); }
-    bool has_powers() const override { return map_->has_powers(); }
-    bool has_directions() const override { return map_->has_directions(); }
     const BuildReport& report() const override { return report_; }
 
    private:
-    const std::unique_ptr<Gatherer> map_;
     BuildReport report_;
   };
   const std::unique_ptr<Builder> builder_ = MakeCpuBuilder();

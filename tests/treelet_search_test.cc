@@ -238,7 +238,9 @@ TEST(TreeletSearchTest, PartsThatTouchAreTheLastResort) {
   ASSERT_EQ(plan.joint_count, 3u);
   // First left from right, where a plane lies between; within each the floor touches the thing.
   std::vector<Subtree> parts = leaves;
-  for (const auto& [left, right] : plan.joints) parts.push_back(Unite(parts[left], parts[right]));
+  for (std::uint32_t j = 0; j < plan.joint_count; ++j) {
+    parts.push_back(Unite(parts[plan.joints[j].left], parts[plan.joints[j].right]));
+  }
   const auto [left, right] = plan.joints[2];
   EXPECT_EQ(parts[left].box, (Box{{0, 0, 0}, {0.4f, 0.2f, 1}}));
   EXPECT_EQ(parts[right].box, (Box{{0.6f, 0, 0}, {1, 0.2f, 1}}));

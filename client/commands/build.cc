@@ -16,9 +16,9 @@ namespace treelight::client {
 namespace {
 
 struct Options {
-  std::string photons_path, name, request_id;
+  std::string photons_path, name;
   BuildChoice build;
-  double time_to_live_s = 0;  // 0: for ever
+  BuildLife life;
   bool json = false;
 };
 
@@ -29,9 +29,8 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
   if (!photons.ok()) return photons.status();
   Progress progress("upload", photons->size(), "photons");
   UploadOptions upload{
-      .time_to_live =
-          std::chrono::milliseconds(static_cast<std::int64_t>(options.time_to_live_s * 1000)),
-      .request_id = options.request_id,
+      .time_to_live = options.life.time_to_live(),
+      .request_id = options.life.request_id,
       .progress = [&progress](std::uint64_t photon_count) { progress.Update(photon_count); }};
   upload.build = options.build.Options();
   const auto built = (*client)->BuildPhotonMap(options.name, *photons, upload);
@@ -55,7 +54,7 @@ void AddBuildCommand(CLI::App& app, GlobalOptions& global) {
       ->required()
       ->check(ServerName());
   AddBuildOptions(*command, options->build);
-  AddBuildLifeOptions(*command, options->time_to_live_s, options->request_id);
+  AddBuildLifeOptions(*command, options->life);
   command->add_flag("--json", options->json, "As JSON");
   command->callback(
       [options, &global] { global.action = [options, &global] { return Run(*options, global); }; });

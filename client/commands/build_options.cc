@@ -89,13 +89,14 @@ void AddBuildOptions(CLI::App& command, BuildChoice& choice) {
             "Of the photons that the radius is sampled at");
 }
 
-void AddBuildLifeOptions(CLI::App& command, double& time_to_live_s, std::string& request_id) {
+void AddBuildLifeOptions(CLI::App& command, BuildLife& life) {
   command
-      .add_option("--ttl", time_to_live_s,
+      .add_option("--ttl", life.time_to_live_s,
                   "Seconds after which the map is deleted (default: never)")
       ->check(NumberIn(0.001, 30.0 * 24 * 3600));
   command
-      .add_option("--request-id", request_id, "The same id again answers with the map built first")
+      .add_option("--request-id", life.request_id,
+                  "The same id again answers with the map built first")
       ->check(ServerName());
 }
 

@@ -1,6 +1,8 @@
 #ifndef TREELIGHT_CLIENT_COMMANDS_BUILD_OPTIONS_H_
 #define TREELIGHT_CLIENT_COMMANDS_BUILD_OPTIONS_H_
 
+#include <chrono>
+#include <cstdint>
 #include <string>
 
 #include "CLI/CLI.hpp"
@@ -23,8 +25,18 @@ struct BuildChoice {
 /// outlive the parsing.
 void AddBuildOptions(CLI::App& command, BuildChoice& choice);
 
-/// Adds --ttl, in seconds, and --request-id.
-void AddBuildLifeOptions(CLI::App& command, double& time_to_live_s, std::string& request_id);
+/// What a command line says of how long a map lives, and of a build that is asked for again.
+struct BuildLife {
+  double time_to_live_s = 0;  ///< 0: for ever
+  std::string request_id;
+
+  std::chrono::milliseconds time_to_live() const {
+    return std::chrono::milliseconds(static_cast<std::int64_t>(time_to_live_s * 1000));
+  }
+};
+
+/// Adds --ttl, in seconds, and --request-id, parsed to `life`, which must outlive the parsing.
+void AddBuildLifeOptions(CLI::App& command, BuildLife& life);
 
 /// How the tree of `map` was built, for people: "treelet by isa with the leaf term, ...".
 std::string DescribeOptions(const v1::PhotonMap& map);

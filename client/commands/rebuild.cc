@@ -16,18 +16,17 @@ namespace {
 
 struct Options {
   MapRef source;
-  std::string name, request_id;
+  std::string name;
   BuildChoice build;
-  double time_to_live_s = 0;  // 0: for ever
+  BuildLife life;
   bool json = false;
 };
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
   const RebuildOptions rebuild{.name = options.name,
                                .build = options.build.Options(),
-                               .time_to_live = std::chrono::milliseconds(
-                                   static_cast<std::int64_t>(options.time_to_live_s * 1000)),
-                               .request_id = options.request_id};
+                               .time_to_live = options.life.time_to_live(),
+                               .request_id = options.life.request_id};
   const auto client = Connect(global);
   if (!client.ok()) return client.status();
   const auto built = (*client)->RebuildPhotonMap(options.source, rebuild);
@@ -47,7 +46,7 @@ void AddRebuildCommand(CLI::App& app, GlobalOptions& global) {
                    "Name of the new map (default: a new version of the same name)")
       ->check(ServerName());
   AddBuildOptions(*command, options->build);
-  AddBuildLifeOptions(*command, options->time_to_live_s, options->request_id);
+  AddBuildLifeOptions(*command, options->life);
   command->add_flag("--json", options->json, "As JSON");
   command->callback(
       [options, &global] { global.action = [options, &global] { return Run(*options, global); }; });

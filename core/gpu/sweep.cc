@@ -9,7 +9,7 @@
 namespace treelight {
 namespace {
 
-// Photons of a work-item on each axis, CHUNK of sweep.cl.
+// Photons of a work-item on each axis, CHUNK of subtree.cl.
 constexpr std::uint32_t kSweepChunk = 8;
 
 }  // namespace
@@ -18,10 +18,10 @@ PlacedPhotons SweepSubtrees(const Gpu& gpu, PlacedPhotons tree, std::uint32_t su
                             const Measure& measure, LeafTerm leaf_term,
                             std::uint32_t max_leaf_size) {
   // One program for a range of sizes: the least local memory, few compilations.
-  const std::uint32_t space = std::bit_ceil(std::clamp(subtree_size, 64u, kMaxDeviceSubtree));
-  const std::uint32_t small_leaf = max_leaf_size < 8 ? 1 : 8;
+  const std::uint32_t space = std::bit_ceil(std::max(subtree_size, 64u));
+  const std::uint32_t small_leaf = max_leaf_size < kManyNodesLeafSize ? 1 : kManyNodesLeafSize;
   const cl::Program program = gpu.device->Program(
-      {"measure.cl", "sweep.cl"},
+      {"measure.cl", "subtree.cl", "sweep.cl"},
       fmt::format("-DSUBTREE_SIZE={} -DMAX_NODES={}", space, space / (small_leaf + 1)));
   const SweepParams params{measure.params(), max_leaf_size,
                            leaf_term == LeafTerm::kLeafSize ? max_leaf_size : 1};

@@ -10,7 +10,7 @@
 namespace treelight {
 
 /// Rebuilds every leaf of `tree` of more than `max_leaf_size` photons, at most `subtree_size`
-/// <= kMaxDeviceSubtree, by a sweep (sweep.cl). Waits.
+/// <= MaxDeviceSubtree, by a sweep (sweep.cl). Waits.
 PlacedPhotons SweepSubtrees(const Gpu& gpu, PlacedPhotons tree, std::uint32_t subtree_size,
                             const Measure& measure, LeafTerm leaf_term,
                             std::uint32_t max_leaf_size);

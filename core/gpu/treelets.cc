@@ -12,7 +12,7 @@
 namespace treelight {
 namespace {
 
-// Work-items that bring leaves up and work on one treelet: the group of treelet.cl.
+// Work-items that bring leaves up and work on one treelet: the group of treelet_round.cl.
 constexpr std::size_t kTreeletGroupSize = 32;
 
 /// SEARCH of treelet.cl.
@@ -54,7 +54,8 @@ PlacedPhotons RestructureTreelets(const Gpu& gpu, const DeviceTree& tree, const 
   const std::size_t count = tree.photons.size();
   if (leaves.leaf_count == 1) return {tree.photons, leaves, std::move(levels)};
   const cl::Program program =
-      gpu.device->Program({"meeting.cl", "measure.cl", "treelet.cl", "arrange.cl"},
+      gpu.device->Program({"meeting.cl", "measure.cl", "treelet.cl", "treelet_search.cl",
+                           "treelet_round.cl", "arrange.cl"},
                           fmt::format("-DTREELET_SIZE={} -DSEARCH={}", options.treelet_size,
                                       SearchNumber(options.method)));
   const auto leaf_count = static_cast<cl_uint>(leaves.leaf_count);

@@ -9,7 +9,7 @@
 
 namespace treelight {
 
-/// RestructureTreelets of core/cpu/treelet.h (treelet.cl): the same tree, in leaf order
+/// RestructureTreelets of core/cpu/treelet.h (treelet_round.cl): the same tree, in leaf order
 /// (arrange.cl). Waits. CANCELLED is thrown as StatusError where `cancelled` says so, asked before
 /// each round.
 /// @param tree    of BuildHierarchy over `leaves`; its nodes are used up

@@ -47,11 +47,11 @@ enum { kTreeSumGroups = 64 };
 
 /** What is read back of a tree: its root, and the parts of its sums. */
 typedef struct TreeSums {
-  ulong depths[kTreeSumGroups]; /**< of the leaves, edges from the root */
-  float areas[kTreeSumGroups];  /**< half the surface areas of all children, in units that
-                                 * area_scale of statistics.cl gives */
+  ulong depths[kTreeSumGroups];      /**< of the leaves, edges from the root */
+  float areas[kTreeSumGroups];       /**< half the surface areas of all children, in units that
+                                      * area_scale of statistics.cl gives */
   float grown_areas[kTreeSumGroups]; /**< the same of boxes grown by the gather radius */
-  uint blocks[kTreeSumGroups];  /**< of the wide tree */
+  uint blocks[kTreeSumGroups];       /**< of the wide tree */
   Root root;
 } TreeSums;
 
@@ -154,6 +154,9 @@ typedef struct NodeCosts {
   uint heights[2];     /**< edges, and kMergedBit */
 } NodeCosts;
 
+/** Leaves of a treelet, at most, whose sets of leaves a work-group can search. */
+enum { kMaxSearchedTreelet = 9 };
+
 /** Arguments of a round of treelet restructuring. */
 typedef struct TreeletParams {
   MeasureParams measure;
@@ -161,8 +164,9 @@ typedef struct TreeletParams {
   uint merges;        /**< subtrees of at most B photons may become one leaf */
   uint round;         /**< from 0 */
   uint leaf_count;    /**< of the tree */
-  uint subset_ends[10]; /**< where sets of 0, 1 .. leaves end in the list of sets */
-  float keep;         /**< a treelet stays unless a new one costs less than this part of it */
+  uint subset_ends[kMaxSearchedTreelet +
+                   1]; /**< where sets of 0, 1 .. leaves end in the list of sets */
+  float keep;          /**< a treelet stays unless a new one costs less than this part of it */
 } TreeletParams;
 
 #ifndef __OPENCL_C_VERSION__

@@ -4,7 +4,6 @@
 #include <memory>
 #include <string>
 
-#include "google/protobuf/stubs/logging.h"
 #include "server/convert.h"
 #include "server/upload.h"
 #include "tests/fuzz/require.h"
@@ -103,11 +102,6 @@ void Gather(const std::string& bytes) {
 
 }  // namespace
 }  // namespace treelight::server
-
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  google::protobuf::SetLogHandler(nullptr);  // of each string that is no UTF-8
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace treelight::server;

@@ -9,7 +9,6 @@
 #include <cstring>
 #include <string>
 
-#include "google/protobuf/stubs/logging.h"
 #include "tests/fuzz/require.h"
 
 namespace treelight::server {
@@ -82,11 +81,6 @@ void Read(const std::string& file) {
 
 }  // namespace
 }  // namespace treelight::server
-
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  google::protobuf::SetLogHandler(nullptr);  // of each string that is no UTF-8
-  return 0;
-}
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace treelight::server;
