@@ -5,6 +5,7 @@
 
 #include "client/gather_stream.h"
 #include "client/gather_wire.h"
+#include "client/map_metadata.h"
 #include "client/photon_map_client.h"
 #include "client/photon_map_client_impl.h"
 #include "fmt/format.h"
@@ -121,6 +122,7 @@ absl::StatusOr<GatherAnswer> GatherUnary(v1::PhotonMapService::Stub& stub, const
                                          Deadline deadline) {
   grpc::ClientContext context;
   context.set_deadline(deadline);
+  NameMap(context, map.name);
   const auto request = MakeGatherRequest(map, /*batch_id=*/0, queries, options);
   v1::GatherResponse response;
   if (const auto status = stub.Gather(&context, request, &response); !status.ok())
@@ -135,7 +137,7 @@ absl::StatusOr<GatherAnswer> GatherRanges(v1::PhotonMapService::Stub& stub, cons
                                           const GatherQueries& queries,
                                           const GatherOptions& options,
                                           const std::vector<Range>& ranges, Deadline deadline) {
-  GatherStream stream(stub, deadline, /*patience=*/{});
+  GatherStream stream(stub, map.name, deadline, /*patience=*/{});
   std::size_t sent_count = 0, received_count = 0;
   absl::Status sending;  // an error here is met by receiving what the server answered before it
   GatherAnswer whole;

@@ -15,10 +15,10 @@ struct GatherPipeline::Impl {
 };
 
 GatherPipeline::GatherPipeline(PhotonMapClient& client, MapRef map, GatherOptions options)
-    : impl_(new Impl{
-          .map = std::move(map),
-          .options = options,
-          .stream{*client.impl_->stub, /*deadline=*/Deadline::max(), client.impl_->timeout}}) {}
+    : impl_(new Impl{.map = map,
+                     .options = options,
+                     .stream{*client.impl_->stub, map.name, /*deadline=*/Deadline::max(),
+                             client.impl_->timeout}}) {}
 
 GatherPipeline::~GatherPipeline() = default;
 

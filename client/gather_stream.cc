@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "client/map_metadata.h"
 #include "client/status.h"
 #include "fmt/format.h"
 
@@ -13,11 +14,12 @@ constexpr std::chrono::seconds kFarewell{1};
 
 }  // namespace
 
-GatherStream::GatherStream(v1::PhotonMapService::Stub& stub,
+GatherStream::GatherStream(v1::PhotonMapService::Stub& stub, const std::string& map,
                            std::chrono::system_clock::time_point deadline,
                            std::chrono::milliseconds patience)
     : patience_(patience) {
   context_.set_deadline(deadline);
+  NameMap(context_, map);
   stub.async()->GatherStream(&context_, this);
   AddHold();  // writes begin outside of callbacks; given back once reads are over and no write is
               // under way

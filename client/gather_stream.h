@@ -7,6 +7,7 @@
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <string>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -23,11 +24,11 @@ namespace treelight::client {
 /// it is received. Not thread-safe.
 class GatherStream final : private grpc::ClientBidiReactor<v1::GatherRequest, v1::GatherResponse> {
  public:
-  /// Opens the call on `stub`, which must outlive it. The call ends at `deadline`,
-  /// time_point::max() for never; each Send and each Receive waits at most `patience`, zero for any
-  /// time.
-  GatherStream(v1::PhotonMapService::Stub& stub, std::chrono::system_clock::time_point deadline,
-               std::chrono::milliseconds patience);
+  /// Opens the call on `stub`, which must outlive it, for batches of map `map`. The call ends at
+  /// `deadline`, time_point::max() for never; each Send and each Receive waits at most `patience`,
+  /// zero for any time.
+  GatherStream(v1::PhotonMapService::Stub& stub, const std::string& map,
+               std::chrono::system_clock::time_point deadline, std::chrono::milliseconds patience);
   /// Cancels what was not received.
   ~GatherStream() override;
 

@@ -5,9 +5,11 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
 
 #include "absl/status/statusor.h"
+#include "client/map_metadata.h"
 #include "client/photon_map_client.h"
 #include "client/retry.h"
 #include "client/status.h"
@@ -19,6 +21,18 @@ namespace treelight::client {
 
 /// End of a call; time_point::max() means never.
 using Deadline = std::chrono::system_clock::time_point;
+
+/// The map that a request names, by which balancers choose its server: of a rebuild the one that is
+/// built. Empty where it names none.
+template <typename Request>
+const std::string& MapOf(const Request& request) {
+  static const std::string none;
+  if constexpr (requires { request.new_name(); }) {
+    if (!request.new_name().empty()) return request.new_name();
+  }
+  if constexpr (requires { request.name(); }) return request.name();
+  return none;
+}
 
 /// What the files that implement PhotonMapClient and GatherPipeline share.
 struct PhotonMapClient::Impl {
@@ -37,6 +51,7 @@ struct PhotonMapClient::Impl {
                                 const Request& request, Deadline deadline) {
     grpc::ClientContext context;
     context.set_deadline(deadline);
+    NameMap(context, MapOf(request));
     Response response;
     const grpc::Status status = (stub.get()->*method)(&context, request, &response);
     if (!status.ok()) return ToAbslStatus(status);

@@ -94,7 +94,7 @@ absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& st
                                                   const Photons& photons,
                                                   std::size_t photons_per_chunk,
                                                   const UploadOptions& options, Deadline deadline) {
-  UploadCall call(stub, deadline);
+  UploadCall call(stub, header.header().name(), deadline);
   bool open = call.Write(header);
   for (std::size_t first = 0; open && first < photons.size(); first += photons_per_chunk) {
     const std::size_t count = std::min(photons_per_chunk, photons.size() - first);

@@ -2,13 +2,15 @@
 
 #include <utility>
 
+#include "client/map_metadata.h"
 #include "client/status.h"
 
 namespace treelight::client {
 
-UploadCall::UploadCall(v1::PhotonMapService::Stub& stub,
+UploadCall::UploadCall(v1::PhotonMapService::Stub& stub, const std::string& map,
                        std::chrono::system_clock::time_point deadline) {
   context_.set_deadline(deadline);
+  NameMap(context_, map);
   stub.async()->BuildPhotonMap(&context_, &response_, this);
   AddHold();  // writes begin outside of callbacks; given back by Finish
   StartCall();

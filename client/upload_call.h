@@ -4,6 +4,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <string>
 
 #include "absl/status/statusor.h"
 #include "grpcpp/client_context.h"
@@ -17,8 +18,10 @@ namespace treelight::client {
 /// process would wait for ever.
 class UploadCall final : private grpc::ClientWriteReactor<v1::BuildPhotonMapRequest> {
  public:
-  /// Opens the call on `stub`; it ends at `deadline`, time_point::max() for never.
-  UploadCall(v1::PhotonMapService::Stub& stub, std::chrono::system_clock::time_point deadline);
+  /// Opens the call on `stub`, to build a map named `map`; it ends at `deadline`,
+  /// time_point::max() for never.
+  UploadCall(v1::PhotonMapService::Stub& stub, const std::string& map,
+             std::chrono::system_clock::time_point deadline);
 
   /// Sends one message and waits until it is on its way. False: the server reads no more.
   bool Write(const v1::BuildPhotonMapRequest& request);
