@@ -31,23 +31,30 @@ Batch::Batch(State& state, Call& call, AnswerForm form)
 void Batch::Run(const v1::GatherRequest& request, Done done) {
   Describe(request);
   if (!call_.admission().ok()) return done(call_.admission());
+  if (auto status = call_.CheckRoute(request.map()); !status.ok()) return done(status);
   const auto admitted =
       TakeMemory(Holder::kMessages, kMessageCopies * record_.bytes_in, message_memory_);
   if (!admitted.ok()) return done(admitted);
-  state_.RunOnCpu(record_.bytes_in, [this, &request, done = std::move(done)] {
-    const auto parsed = Guard([this, &request] { return Parse(request); });
-    if (!parsed.ok()) return done(parsed);
-    GatherNext(done);
+  WithNewestMaps(state_, [this, &request, done = std::move(done)] {
+    state_.RunOnCpu(record_.bytes_in, [this, &request, done] {
+      const auto parsed = Guard([this, &request] { return Parse(request); });
+      if (!parsed.ok()) return done(parsed);
+      GatherNext(done);
+    });
   });
 }
 
 void Batch::GatherNext(Done done) {
   const ReloadableMap* const reloadable = map_->reloadable;
   if (reloadable == nullptr || tree_ != nullptr || reloadable->resident()) return GatherSlice(done);
-  // A job of its own, whose time says nothing of gathers.
+  // A job of its own, whose time says nothing of gathers. Only the first of those that wait for one
+  // tree asks for the time of a build; once it is done the others find the tree.
+  const auto load = reloadable->ExpectLoad();
+  const Work work =
+      load == nullptr ? Work{} : Work::Build(reloadable->photon_count(), map_->options.builder);
   const auto submitted = state_.device_queue.Submit(
       [this] { return call_.Alive(); },
-      [this, reloadable, done](const absl::Status& turn, double queue_us) {
+      [this, reloadable, done, load](const absl::Status& turn, double queue_us) {
         record_.timings.set_queue_us(record_.timings.queue_us() + queue_us);
         if (!turn.ok()) return done(turn);
         const auto status = call_.Explain(Guard([&] {
@@ -58,8 +65,7 @@ void Batch::GatherNext(Done done) {
         if (!status.ok()) return done(status);
         GatherSlice(done);
       },
-      {.work = Work::Build(reloadable->photon_count(), map_->options.builder),
-       .deadline = call_.deadline()});
+      {.work = work, .deadline = call_.deadline()});
   if (!submitted.ok()) done(submitted);
 }
 

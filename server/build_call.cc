@@ -32,11 +32,18 @@ void BuildCall::OnReadDone(bool ok) {
   job_.record().bytes_in += message_.ByteSizeLong();
   // A repeat of a build that is done needs no photons. They are read nevertheless: a client that
   // writes would not see an early answer on every transport.
-  if (needs_photons_) {
-    if (auto status = TakeMessage(); !status.ok()) return End(status);
-    needs_photons_ = !job_.AnsweredByAnEarlierCall();
-    if (!needs_photons_) upload_.reset();
+  if (!needs_photons_) return Read();
+  if (auto status = TakeMessage(); !status.ok()) return End(status);
+  if (message_.has_header()) {
+    WithNewestMaps(state_, [this] { Continue(); });  // another server may have built the map
+  } else {
+    Continue();
   }
+}
+
+void BuildCall::Continue() {
+  needs_photons_ = !job_.AnsweredByAnEarlierCall();
+  if (!needs_photons_) upload_.reset();
   Read();
 }
 
@@ -59,6 +66,7 @@ absl::Status BuildCall::TakeHeader(const v1::BuildHeader& header) {
   job_.record().map = header.name();
   job_.record().photons = header.photon_count();
   job_.record().options = header.options();
+  if (auto status = job_.call().CheckRoute(header.name()); !status.ok()) return status;
   const Limits& limits = state_.options.limits;
   const auto plan = ParseBuildHeader(header, limits);
   if (!plan.ok()) return plan.status();

@@ -14,6 +14,9 @@ namespace {
 constexpr const char* kRequestIdKey = "x-request-id";
 constexpr const char* kAuthorizationKey = "authorization";
 
+/// The metadata by which balancers send all calls of one map to one server.
+constexpr const char* kMapKey = "x-treelight-map";
+
 /// 16 random hexadecimal digits.
 std::string RandomId() {
   thread_local std::mt19937_64 engine{std::random_device{}()};
@@ -66,6 +69,20 @@ Call::~Call() {
   state_.metrics.CallEnded(record_.method, code_, 1e-6 * watch_.microseconds(), received_bytes_,
                            sent_bytes_);
   state_.calls.Leave();
+}
+
+absl::Status Call::CheckRoute(std::string_view map) const {
+  const auto [first, last] = context_.client_metadata().equal_range(kMapKey);
+  for (auto entry = first; entry != last; ++entry) {
+    const std::string_view key(entry->second.data(), entry->second.size());
+    if (key == map) continue;
+    // A status travels in HTTP/2 headers, which are limited.
+    return absl::InvalidArgumentError(fmt::format(
+        "metadata {} is '{}', the map of the request '{}': calls of one map must go to one server; "
+        "send the name of the map, or no such metadata",
+        kMapKey, key.substr(0, kMaxNameLength), map.substr(0, kMaxNameLength)));
+  }
+  return absl::OkStatus();
 }
 
 void Call::AwaitClient() {

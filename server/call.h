@@ -60,6 +60,10 @@ class Call {
   void AwaitClient();
   void ClientMoved() { state_.stalls.Arrived(this); }
 
+  /// INVALID_ARGUMENT: the metadata x-treelight-map, by which a balancer has chosen this server, is
+  /// there and is not `map`.
+  absl::Status CheckRoute(std::string_view map) const;
+
   /// For core; polls Alive().
   CancelCheck cancelled() const;
 

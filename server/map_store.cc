@@ -52,12 +52,33 @@ void MapStore::Restore(const std::vector<MapHandle>& maps) {
   {
     const std::lock_guard lock(mutex_);
     for (const MapHandle& map : maps) {
+      auto& last = last_versions_[map->name];
+      last = std::max(last, map->version);
       maps_[map->name].emplace(map->version, map);
       if (!map->request_id.empty()) requests_.try_emplace(map->request_id, map);
     }
     ++additions_;
+    ForgetDeadNames();
   }
   wake_.notify_one();
+}
+
+void MapStore::Drop(const std::vector<MapHandle>& maps) {
+  const std::lock_guard lock(mutex_);
+  for (const MapHandle& handle : maps) {
+    const auto versions = maps_.find(handle->name);
+    if (versions == maps_.end()) continue;
+    const auto version = versions->second.find(handle->version);
+    if (version == versions->second.end() || version->second != handle) continue;
+    versions->second.erase(version);
+    if (versions->second.empty()) maps_.erase(versions);
+    ForgetRequest(handle);
+  }
+}
+
+void MapStore::ForgetRequest(const MapHandle& map) {
+  const auto known = requests_.find(map->request_id);
+  if (known != requests_.end() && known->second == map) requests_.erase(known);
 }
 
 void MapStore::OnExpired(std::function<void(std::vector<MapHandle>)> expired) {
@@ -126,7 +147,7 @@ absl::StatusOr<std::vector<MapHandle>> MapStore::Remove(std::string_view name,
   if (removed.empty()) return NotFound(name, version);
   for (const MapHandle& handle : removed) {
     map->second.erase(handle->version);
-    requests_.erase(handle->request_id);
+    ForgetRequest(handle);
   }
   if (map->second.empty()) maps_.erase(map);
   return removed;
@@ -143,10 +164,7 @@ std::size_t MapStore::SweepExpired() {
     });
     map = map->second.empty() ? maps_.erase(map) : std::next(map);
   }
-  for (const MapHandle& handle : expired) {
-    const auto known = requests_.find(handle->request_id);
-    if (known != requests_.end() && known->second == handle) requests_.erase(known);
-  }
+  for (const MapHandle& handle : expired) ForgetRequest(handle);
   const auto tell = expired_;
   lock.unlock();
   const std::size_t count = expired.size();

@@ -37,6 +37,7 @@ struct StoredMap {
   TimePoint created;
   std::optional<TimePoint> expires;  ///< never where empty
   MemoryBudget::Share memory{};      ///< of the host, that the map holds
+  std::uint64_t checksum = 0;        ///< of the head of its file, where it has one
 };
 
 /// Keeps a version alive while someone answers from it, also after the store has let go of it.
@@ -61,8 +62,12 @@ class MapStore {
   /// A version for a map of that name that is added later; nobody else gets it.
   std::uint64_t ReserveVersion(const std::string& name);
 
-  /// Makes what Remove took out visible again.
+  /// Makes visible what Remove took out, or what was built elsewhere; a version that is here stays.
+  /// Also where a version with the same request id is here.
   void Restore(const std::vector<MapHandle>& maps);
+
+  /// Lets go of these very maps, those of them that are here.
+  void Drop(const std::vector<MapHandle>& maps);
 
   /// From now on `expired` gets the versions that have expired once the store has let go of them.
   void OnExpired(std::function<void(std::vector<MapHandle>)> expired);
@@ -90,6 +95,7 @@ class MapStore {
 
   bool Expired(const StoredMap& map) const;
   std::uint64_t NextVersion(const std::string& name);                         // needs mutex_
+  void ForgetRequest(const MapHandle& map);                                   // needs mutex_
   absl::Status NotFound(std::string_view name, std::uint64_t version) const;  // needs mutex_
   std::optional<TimePoint> NextExpiry() const;                                // needs mutex_
   void ForgetDeadNames();                                                     // needs mutex_

@@ -26,12 +26,16 @@ void SetAside(const SnapshotFolder& folder, const std::string& file, const absl:
 }
 
 /// Reads the photons of a version; one whose file is damaged or gone leaves the store.
-absl::StatusOr<Photons> ReadKept(State& state, const std::string& name, std::uint64_t version) {
-  auto photons = state.snapshots->Read(name, version);
+absl::StatusOr<Photons> ReadKept(State& state, const std::string& name, std::uint64_t version,
+                                 std::uint64_t checksum) {
+  auto photons = state.snapshots->Read(name, version, checksum);
   const bool lost = absl::IsDataLoss(photons.status()), gone = absl::IsNotFound(photons.status());
   if (lost) SetAside(*state.snapshots, SnapshotName(name, version), photons.status());
-  // The handle that the caller has keeps the map until the call is over.
-  if (lost || gone) (void)state.store.Remove(name, version);
+  if (lost || gone) {
+    // The handle that the caller has keeps the map until the call is over.
+    const auto map = state.store.Find(name, version);
+    if (map.ok() && (*map)->checksum == checksum) state.store.Drop({*map});
+  }
   return photons;
 }
 
@@ -45,8 +49,9 @@ void MakeReloadable(State& state, StoredMap& map, ReloadableMap::Description des
                        .options = map.options,
                        .time_to_live = {},
                        .request_id = {}};
-  ReloadableMap::ReadFrom read = [&state, name = map.name, version = map.version] {
-    return ReadKept(state, name, version);
+  ReloadableMap::ReadFrom read = [&state, name = map.name, version = map.version,
+                                  checksum = map.checksum] {
+    return ReadKept(state, name, version, checksum);
   };
   auto load = [&state, plan, read](const CancelCheck& cancelled) {
     return LoadTree(state, plan, read, cancelled);
@@ -68,7 +73,8 @@ StoredMap FromHead(State& state, const SnapshotHead& head) {
                 .options = head.options,
                 .gatherer = nullptr,
                 .created = FromUnixMs(wire.created_unix_ms()),
-                .expires = {}};
+                .expires = {},
+                .checksum = head.checksum};
   if (wire.expires_unix_ms() != 0) map.expires = FromUnixMs(wire.expires_unix_ms());
   ReloadableMap::Description description{.photon_count = wire.photon_count(),
                                          .has_powers = wire.has_powers(),
@@ -95,31 +101,40 @@ StoredMap FromHead(State& state, const SnapshotHead& head) {
 
 }  // namespace
 
+absl::StatusOr<MapHandle> TakeUp(State& state, const SnapshotFolder::File& file) {
+  const SnapshotFolder& folder = *state.snapshots;
+  if (absl::IsDataLoss(file.head.status())) {
+    SetAside(folder, file.name, file.head.status());
+    return nullptr;
+  }
+  if (!file.head.ok()) {
+    Tell(folder, fmt::format("'{}' is not loaded: {}", file.name,
+                             std::string(file.head.status().message())));
+    return file.head.status();
+  }
+  auto map = std::make_shared<const StoredMap>(FromHead(state, *file.head));
+  if (map->expires && *map->expires <= std::chrono::system_clock::now()) {
+    if (auto status = folder.Remove(map->name, map->version, map->checksum); !status.ok()) {
+      return status;
+    }
+    return nullptr;
+  }
+  state.store.Restore({map});
+  return map;
+}
+
 absl::Status LoadSnapshots(State& state) {
   const SnapshotFolder& folder = *state.snapshots;
   if (auto status = folder.CheckWritable(); !status.ok()) return status;
   folder.RemoveLeftovers();
   const auto files = folder.CheckAll();
   if (!files.ok()) return files.status();
-  for (const SnapshotFolder::File& file : *files) {
-    if (absl::IsDataLoss(file.head.status())) {
-      SetAside(folder, file.name, file.head.status());
-    } else if (!file.head.ok()) {
-      Tell(folder, fmt::format("'{}' is not loaded: {}", file.name,
-                               std::string(file.head.status().message())));
-    } else {
-      StoredMap map = FromHead(state, *file.head);
-      if (map.expires && *map.expires <= std::chrono::system_clock::now()) {
-        if (auto status = folder.Remove(map.name, map.version); !status.ok()) return status;
-      } else {
-        state.store.Add(std::move(map));
-      }
-    }
-  }
+  state.mirror = std::make_unique<FolderMirror>(state);
+  if (auto status = state.mirror->Begin(*files); !status.ok()) return status;
   state.store.OnExpired([&state](const std::vector<MapHandle>& expired) {
     state.disk.Submit([&state, expired] {
       for (const MapHandle& map : expired) {
-        const auto status = state.snapshots->Remove(map->name, map->version);
+        const auto status = state.snapshots->Remove(map->name, map->version, map->checksum);
         if (!status.ok()) fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
       }
     });
@@ -129,30 +144,52 @@ absl::Status LoadSnapshots(State& state) {
 
 absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& photons) {
   v1::PhotonMap wire = ToWire(map);
-  absl::Status written;
-  do {
+  MapHandle known;
+  // Nobody else has built for this request before the file has its name.
+  const auto approve = [&] {
+    state.mirror->Update();
+    known = state.store.FindRequest(map.request_id);
+    return known == nullptr ? absl::OkStatus() : absl::AbortedError("it is built already");
+  };
+  while (true) {
     // A file that another server, or a later program, has put there keeps its version.
+    state.mirror->Update();
     map.version = state.store.ReserveVersion(map.name);
     wire.set_version(map.version);
-    written = state.snapshots->Write(wire, map.request_id, photons);
-  } while (absl::IsAlreadyExists(written));
-  if (!written.ok()) return written;
-  ReloadableMap::Description description{.photon_count = map.gatherer->photon_count(),
-                                         .has_powers = map.gatherer->has_powers(),
-                                         .has_directions = map.gatherer->has_directions(),
-                                         .report = map.gatherer->report()};
-  auto tree = std::make_shared<const ResidentTree>(
-      ResidentTree{.gatherer = std::move(map.gatherer), .memory = std::move(map.memory)});
-  MakeReloadable(state, map, std::move(description), std::move(tree));
-  return state.store.Add(std::move(map));
+    const FolderMirror::Transit transit(
+        *state.mirror, [&] { return std::vector{SnapshotName(map.name, map.version)}; });
+    const auto written = state.snapshots->Write(wire, map.request_id, photons, approve);
+    if (known != nullptr) return known;
+    if (absl::IsAlreadyExists(written.status())) continue;
+    if (!written.ok()) return written.status();
+    map.checksum = *written;
+    ReloadableMap::Description description{.photon_count = map.gatherer->photon_count(),
+                                           .has_powers = map.gatherer->has_powers(),
+                                           .has_directions = map.gatherer->has_directions(),
+                                           .report = map.gatherer->report()};
+    auto tree = std::make_shared<const ResidentTree>(
+        ResidentTree{.gatherer = std::move(map.gatherer), .memory = std::move(map.memory)});
+    MakeReloadable(state, map, std::move(description), std::move(tree));
+    return state.store.Add(std::move(map));
+  }
 }
 
 absl::StatusOr<std::vector<MapHandle>> RemoveMaps(State& state, std::string_view name,
                                                   std::uint64_t version) {
-  auto removed = state.store.Remove(name, version);
-  if (!removed.ok() || state.snapshots == nullptr) return removed;
+  if (state.snapshots == nullptr) return state.store.Remove(name, version);
+  state.mirror->Update();
+  absl::StatusOr<std::vector<MapHandle>> removed;
+  const FolderMirror::Transit transit(*state.mirror, [&] {
+    removed = state.store.Remove(name, version);
+    std::vector<std::string> files;
+    if (!removed.ok()) return files;
+    for (const MapHandle& map : *removed) files.push_back(SnapshotName(map->name, map->version));
+    return files;
+  });
+  if (!removed.ok()) return removed;
   for (const MapHandle& map : *removed) {
-    if (auto status = state.snapshots->Remove(map->name, map->version); !status.ok()) {
+    if (auto status = state.snapshots->Remove(map->name, map->version, map->checksum);
+        !status.ok()) {
       state.store.Restore(*removed);
       return status;
     }

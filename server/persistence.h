@@ -11,14 +11,21 @@
 // Maps that survive the server: what --data-dir does with builds, deletes, expiry and the start.
 namespace treelight::server {
 
+/// Puts the map of a file into the store, off the device until it is asked for: that map. Damaged
+/// files are set aside and told on stderr, those of expired maps removed: null. What cannot be
+/// loaded, since a later program has written it, stays and is told: its error.
+absl::StatusOr<MapHandle> TakeUp(State& state, const SnapshotFolder::File& file);
+
 /// Puts the maps of the folder into the store, off the device until they are asked for. What is
 /// damaged is set aside and told on stderr, what has expired is removed, and what a later program
-/// has written stays and is told. Reads every byte. From now on versions that expire leave the
-/// folder too. PERMISSION_DENIED, INTERNAL: the folder cannot be read or written to.
+/// has written stays and is told. Reads every byte. From now on the store follows the folder
+/// (FolderMirror), and versions that expire leave the folder too. PERMISSION_DENIED, INTERNAL: the
+/// folder cannot be read or written to.
 absl::Status LoadSnapshots(State& state);
 
 /// Writes `map`, just built from `photons`, to the folder and then adds it to the store, on the
-/// thread of the disk. The errors of SnapshotFolder::Write: then there is no such map.
+/// thread of the disk; where another server has built for its request id before, that map. The
+/// errors of SnapshotFolder::Write: then there is no such map.
 absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& photons);
 
 /// Takes versions out of store and folder, as MapStore::Remove; on the thread of the disk where

@@ -10,6 +10,10 @@ RebuildCall::RebuildCall(State& state, grpc::CallbackServerContext& context,
                          v1::BuildPhotonMapResponse& response)
     : state_(state), job_(state, context, "RebuildPhotonMap", response) {
   job_.record().bytes_in = request.ByteSizeLong();
+  WithNewestMaps(state, [this, &request] { Begin(request); });
+}
+
+void RebuildCall::Begin(const v1::RebuildPhotonMapRequest& request) {
   const absl::StatusOr<MapHandle> source =
       job_.call().admission().ok() ? Prepare(request) : job_.call().admission();
   if (!source.ok()) {
@@ -27,6 +31,7 @@ absl::StatusOr<MapHandle> RebuildCall::Prepare(const v1::RebuildPhotonMapRequest
   record.options = request.options();
   record.map = request.new_name().empty() ? request.name() : request.new_name();
   if (auto status = CheckName("name", request.name()); !status.ok()) return status;
+  if (auto status = job_.call().CheckRoute(record.map); !status.ok()) return status;
   auto source = state_.store.Find(request.name(), request.version());
   if (!source.ok()) return source.status();
   record.source = fmt::format("{}@{}", (*source)->name, (*source)->version);

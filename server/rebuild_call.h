@@ -17,6 +17,7 @@ class RebuildCall final : public grpc::ServerUnaryReactor {
   void OnDone() override { delete this; }
 
  private:
+  void Begin(const v1::RebuildPhotonMapRequest& request);
   absl::StatusOr<MapHandle> Prepare(const v1::RebuildPhotonMapRequest& request);
   void End(const absl::Status& status) { Finish(job_.End(status)); }
 

@@ -38,6 +38,14 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> ReloadableMap::Acquire(
   return loaded;
 }
 
+std::shared_ptr<const void> ReloadableMap::ExpectLoad() const {
+  const std::lock_guard lock(mutex_);
+  if (!expected_load_.expired()) return nullptr;
+  const auto token = std::make_shared<const int>(0);
+  expected_load_ = token;
+  return token;
+}
+
 std::shared_ptr<const ResidentTree> ReloadableMap::Evict() const {
   const std::lock_guard lock(mutex_);
   if (tree_.use_count() > 1) return nullptr;

@@ -47,6 +47,10 @@ class ReloadableMap final : public Gatherer {
   /// The tree, loaded where it is not on the device; stays there as long as somebody has it.
   absl::StatusOr<std::shared_ptr<const ResidentTree>> Acquire(const CancelCheck& cancelled) const;
 
+  /// For the first who will have the tree loaded, a token for as long as that takes; null while
+  /// there is one.
+  std::shared_ptr<const void> ExpectLoad() const;
+
   /// Lets go of the tree, which the caller frees; null where it is in use, or not here.
   std::shared_ptr<const ResidentTree> Evict() const;
 
@@ -69,6 +73,7 @@ class ReloadableMap final : public Gatherer {
   mutable std::mutex mutex_;
   mutable std::shared_ptr<const ResidentTree> tree_;        // guarded by mutex_; null: not here
   mutable std::chrono::steady_clock::time_point last_use_;  // guarded by mutex_
+  mutable std::weak_ptr<const void> expected_load_;         // guarded by mutex_
 };
 
 }  // namespace treelight::server

@@ -16,8 +16,8 @@ namespace {
 
 /// Where a call is answered.
 enum class Where {
-  kAtOnce,
-  kOnDisk,  ///< on the thread of the disk, where there is a data folder
+  kInStore,  ///< from the store, once it shows what a data folder holds
+  kOnDisk,   ///< on the thread of the disk, where there is a data folder
 };
 
 /// A call that needs no device. Owns itself, gone with OnDone.
@@ -27,7 +27,7 @@ class QuickCall final : public grpc::ServerUnaryReactor {
   template <typename Request, typename Response>
   QuickCall(State& state, grpc::CallbackServerContext& context, std::string_view method,
             absl::Status (*handle)(State&, const Request&, Response&), const Request& request,
-            Response& response, Where where = Where::kAtOnce)
+            Response& response, Where where = Where::kInStore)
       : call_(state, context, method) {
     auto answer = [this, &state, handle, &request, &response] {
       Answer(state, handle, request, response);
@@ -35,7 +35,7 @@ class QuickCall final : public grpc::ServerUnaryReactor {
     if (where == Where::kOnDisk && state.snapshots != nullptr) {
       state.disk.Submit(std::move(answer));
     } else {
-      answer();
+      WithNewestMaps(state, std::move(answer));
     }
   }
 
@@ -50,8 +50,11 @@ class QuickCall final : public grpc::ServerUnaryReactor {
       record.map = request.name();
       record.version = request.version();
     }
-    const absl::Status status =
-        call_.admission().ok() ? handle(state, request, response) : call_.admission();
+    absl::Status status = call_.admission();
+    if constexpr (requires { request.name(); }) {
+      if (status.ok()) status = call_.CheckRoute(request.name());
+    }
+    if (status.ok()) status = handle(state, request, response);
     if constexpr (std::is_same_v<Response, v1::PhotonMap>) {
       if (status.ok()) record.version = response.version();
     }

@@ -9,10 +9,12 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <thread>
 #include <utility>
 
 #include "fmt/format.h"
@@ -21,6 +23,7 @@
 namespace treelight::server {
 namespace {
 
+constexpr std::int64_t kSecond = 1'000'000'000;  // ns
 constexpr std::string_view kSuffix = ".tlmap", kDamaged = ".damaged", kTemporary = ".tmp";
 
 /// An open file.
@@ -53,10 +56,16 @@ SnapshotBytesSource Source(int handle, std::uint64_t size) {
           }};
 }
 
-/// Gives the file `name` of the folder to `use(source)`.
+FileId IdOf(const struct stat& status) {
+  return {.inode = status.st_ino,
+          .modified_ns = status.st_mtim.tv_sec * kSecond + status.st_mtim.tv_nsec,
+          .bytes = static_cast<std::uint64_t>(status.st_size)};
+}
+
+/// Gives the file `name` of the folder to `use(source, id)`.
 template <typename Use>
 auto WithSource(int folder, const std::string& name, Use use)
-    -> decltype(use(SnapshotBytesSource{})) {
+    -> decltype(use(SnapshotBytesSource{}, FileId{})) {
   const Handle file(openat(folder, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
   struct stat status {};
   if (file.get() < 0 || fstat(file.get(), &status) != 0) {
@@ -65,22 +74,30 @@ auto WithSource(int folder, const std::string& name, Use use)
     return absl::UnavailableError(std::strerror(error));
   }
   if (!S_ISREG(status.st_mode)) return absl::DataLossError("it is no regular file");
-  return use(Source(file.get(), static_cast<std::uint64_t>(status.st_size)));
+  return use(Source(file.get(), static_cast<std::uint64_t>(status.st_size)), IdOf(status));
 }
 
-/// The head of a file whose every byte was found right.
-absl::StatusOr<SnapshotHead> CheckFile(int folder, const std::string& name) {
-  return WithSource(
-      folder, name, [&](const SnapshotBytesSource& source) -> absl::StatusOr<SnapshotHead> {
+/// How much of a file is looked at.
+enum class Depth { kHead, kEveryByte };
+
+/// The head of a file that was found right.
+SnapshotFolder::File CheckFile(int folder, const std::string& name, Depth depth) {
+  SnapshotFolder::File file{.name = name, .id = {}, .head = absl::UnknownError("not read")};
+  file.head = WithSource(
+      folder, name,
+      [&](const SnapshotBytesSource& source, const FileId& id) -> absl::StatusOr<SnapshotHead> {
+        file.id = id;
         auto head = ReadSnapshotHead(source);
         if (!head.ok()) return head.status();
         const std::string expected = SnapshotName(head->map.name(), head->map.version());
         if (name != expected) {
           return absl::DataLossError(fmt::format("it holds '{}' and has another name", expected));
         }
+        if (depth == Depth::kHead) return head;
         if (auto status = CheckSnapshotPhotons(source, *head); !status.ok()) return status;
         return head;
       });
+  return file;
 }
 
 /// A file that is written aside; removed where it was not renamed.
@@ -134,19 +151,55 @@ absl::Status WriteAll(int handle, std::string_view bytes, int& error) {
   return absl::OkStatus();
 }
 
-std::vector<std::string> List(int folder, std::string_view suffix) {
-  std::vector<std::string> names;
+/// The names that end so, sorted.
+absl::StatusOr<std::vector<std::string>> ListNames(int folder, std::string_view suffix) {
   // A handle of its own, since reading moves it.
-  DIR* const opened = fdopendir(openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (opened == nullptr) return names;
-  while (const dirent* entry = readdir(opened)) {
+  const int handle = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (handle < 0) return absl::InternalError(std::strerror(errno));
+  struct Close {
+    void operator()(DIR* opened) const { closedir(opened); }
+  };
+  const std::unique_ptr<DIR, Close> opened(fdopendir(handle));
+  if (opened == nullptr) {
+    const int error = errno;
+    close(handle);
+    return absl::InternalError(std::strerror(error));
+  }
+  std::vector<std::string> names;
+  while (true) {
+    errno = 0;
+    const dirent* const entry = readdir(opened.get());
+    if (entry == nullptr && errno != 0) return absl::InternalError(std::strerror(errno));
+    if (entry == nullptr) break;
     const std::string_view name = entry->d_name;
     if (name.ends_with(suffix)) names.emplace_back(name);
   }
-  closedir(opened);
   std::ranges::sort(names);
   return names;
 }
+
+/// Keeps other servers from giving names to files, while it lives.
+class NamingLock {
+ public:
+  explicit NamingLock(int folder)
+      : folder_(openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {}
+
+  /// UNAVAILABLE: another has it for longer than a disk should take. OK without it, where the file
+  /// system locks no folders.
+  absl::Status Take() const {
+    constexpr std::chrono::milliseconds kPause{5};
+    constexpr int kTries = 2000;
+    for (int i = 0; i < kTries; ++i) {
+      if (flock(folder_.get(), LOCK_EX | LOCK_NB) == 0) return absl::OkStatus();
+      if (errno != EWOULDBLOCK && errno != EINTR) return absl::OkStatus();
+      std::this_thread::sleep_for(kPause);
+    }
+    return absl::UnavailableError("another server has locked the data folder for 10 s");
+  }
+
+ private:
+  const Handle folder_;
+};
 
 }  // namespace
 
@@ -175,22 +228,55 @@ absl::Status SnapshotFolder::CheckWritable() const {
 SnapshotFolder::~SnapshotFolder() { close(handle_); }
 
 absl::Status SnapshotFolder::Failed(std::string_view what, int error) const {
-  return absl::InternalError(
-      fmt::format("data folder '{}': {}: {}", path_, what, std::strerror(error)));
+  return Failed(what, absl::InternalError(std::strerror(error)));
+}
+
+absl::Status SnapshotFolder::Failed(std::string_view what, const absl::Status& error) const {
+  return absl::Status(error.code(), fmt::format("data folder '{}': {}: {}", path_, what,
+                                                std::string(error.message())));
 }
 
 absl::StatusOr<std::vector<SnapshotFolder::File>> SnapshotFolder::CheckAll() const {
+  const auto names = ListNames(handle_, kSuffix);
+  if (!names.ok()) return Failed("its list", names.status());
   std::vector<File> files;
-  for (std::string& name : List(handle_, kSuffix)) {
-    auto head = CheckFile(handle_, name);
-    if (absl::IsNotFound(head.status())) continue;  // another server has removed it
-    files.push_back({std::move(name), std::move(head)});
+  for (const std::string& name : *names) {
+    File file = CheckFile(handle_, name, Depth::kEveryByte);
+    if (absl::IsNotFound(file.head.status())) continue;  // another server has removed it
+    files.push_back(std::move(file));
   }
   return files;
 }
 
+absl::StatusOr<std::vector<SnapshotFolder::Entry>> SnapshotFolder::List() const {
+  const auto names = ListNames(handle_, kSuffix);
+  if (!names.ok()) return Failed("its list", names.status());
+  std::vector<Entry> entries;
+  for (const std::string& name : *names) {
+    struct stat status {};
+    if (fstatat(handle_, name.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0) {
+      entries.push_back({.name = name, .id = IdOf(status)});
+    } else if (errno != ENOENT) {  // another server has removed it
+      return Failed(name, errno);
+    }
+  }
+  return entries;
+}
+
+absl::StatusOr<std::int64_t> SnapshotFolder::Changed() const {
+  struct stat status {};
+  if (fstat(handle_, &status) != 0) return Failed("fstat", errno);
+  return status.st_mtim.tv_sec * kSecond + status.st_mtim.tv_nsec;
+}
+
+SnapshotFolder::File SnapshotFolder::ReadHead(const Entry& entry) const {
+  return CheckFile(handle_, entry.name, Depth::kHead);
+}
+
 void SnapshotFolder::RemoveLeftovers() const {
-  for (const std::string& name : List(handle_, kTemporary)) {
+  const auto names = ListNames(handle_, kTemporary);
+  if (!names.ok()) return;  // CheckAll tells
+  for (const std::string& name : *names) {
     const Handle file(openat(handle_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
     if (file.get() >= 0 && flock(file.get(), LOCK_EX | LOCK_NB) == 0) {
       unlinkat(handle_, name.c_str(), 0);
@@ -212,8 +298,10 @@ absl::StatusOr<std::string> SnapshotFolder::SetAside(const std::string& file) co
   return Failed(file, EEXIST);
 }
 
-absl::Status SnapshotFolder::Write(const v1::PhotonMap& map, const std::string& request_id,
-                                   const Photons& photons) const {
+absl::StatusOr<std::uint64_t> SnapshotFolder::Write(const v1::PhotonMap& map,
+                                                    const std::string& request_id,
+                                                    const Photons& photons,
+                                                    const Approve& approve) const {
   const std::string name = SnapshotName(map.name(), map.version());
   const auto failed = [&](int error) {
     if (error == ENOSPC || error == EDQUOT) {
@@ -233,15 +321,23 @@ absl::Status SnapshotFolder::Write(const v1::PhotonMap& map, const std::string& 
   });
   if (!written.ok()) return failed(error);
   if (fsync(file.handle()) != 0) return failed(errno);
+  struct stat status {};
+  if (fstat(file.handle(), &status) != 0) return failed(errno);
+  const auto head =
+      ReadSnapshotHead(Source(file.handle(), static_cast<std::uint64_t>(status.st_size)));
+  if (!head.ok()) return Failed(name, head.status());
+  const NamingLock lock(handle_);
+  if (auto locked = lock.Take(); !locked.ok()) return locked;
+  if (auto approved = approve(); !approved.ok()) return approved;
   if (const int taken = file.Rename(name); taken != 0) {
     if (taken == EEXIST) return absl::AlreadyExistsError(name);
     return failed(taken);
   }
-  if (auto status = Sync(); !status.ok()) {
+  if (auto synced = Sync(); !synced.ok()) {
     unlinkat(handle_, name.c_str(), 0);
-    return status;
+    return synced;
   }
-  return absl::OkStatus();
+  return head->checksum;
 }
 
 absl::Status SnapshotFolder::CheckRoom(std::uint64_t bytes, std::string_view what) const {
@@ -257,20 +353,26 @@ absl::Status SnapshotFolder::CheckRoom(std::uint64_t bytes, std::string_view wha
       std::nullopt);
 }
 
-absl::Status SnapshotFolder::Remove(std::string_view name, std::uint64_t version) const {
+absl::Status SnapshotFolder::Remove(std::string_view name, std::uint64_t version,
+                                    std::uint64_t checksum) const {
   const std::string file = SnapshotName(name, version);
+  const auto head = CheckFile(handle_, file, Depth::kHead).head;
+  if (head.ok() && head->checksum != checksum) return absl::OkStatus();
   if (unlinkat(handle_, file.c_str(), 0) != 0 && errno != ENOENT) return Failed(file, errno);
   return Sync();
 }
 
-absl::StatusOr<Photons> SnapshotFolder::Read(std::string_view name, std::uint64_t version) const {
+absl::StatusOr<Photons> SnapshotFolder::Read(std::string_view name, std::uint64_t version,
+                                             std::uint64_t checksum) const {
   const std::string file = SnapshotName(name, version);
   auto photons =
-      WithSource(handle_, file, [&](const SnapshotBytesSource& source) -> absl::StatusOr<Photons> {
-        const auto head = ReadSnapshotHead(source);
-        if (!head.ok()) return head.status();
-        return ReadSnapshotPhotons(source, *head);
-      });
+      WithSource(handle_, file,
+                 [&](const SnapshotBytesSource& source, const FileId&) -> absl::StatusOr<Photons> {
+                   const auto head = ReadSnapshotHead(source);
+                   if (!head.ok()) return head.status();
+                   if (head->checksum != checksum) return absl::NotFoundError("it is gone");
+                   return ReadSnapshotPhotons(source, *head);
+                 });
   if (photons.ok() || absl::IsResourceExhausted(photons.status())) return photons;
   return absl::Status(
       photons.status().code(),

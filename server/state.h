@@ -12,6 +12,7 @@
 #include "server/active_calls.h"
 #include "server/build_slots.h"
 #include "server/device_queue.h"
+#include "server/folder_mirror.h"
 #include "server/machine_memory.h"
 #include "server/map_store.h"
 #include "server/memory_budget.h"
@@ -72,6 +73,7 @@ struct State {
   MemoryBudget memory;
   BuildSlots build_slots;
   std::unique_ptr<SnapshotFolder> snapshots;  ///< of --data-dir; null: maps live in memory alone
+  std::unique_ptr<FolderMirror> mirror;       ///< where there are `snapshots`
   Worker disk;  // what waits for `snapshots`; the store tells it of what expires
   MapStore store;
   ActiveCalls calls;
@@ -80,7 +82,8 @@ struct State {
   // may go.
   tbb::task_arena cpu{std::max(1, tbb::info::default_concurrency() - 1),
                       /*reserved_for_masters=*/0};
-  DeviceQueue device_queue;  // last: its jobs use the rest
+  DeviceQueue device_queue;  // its jobs use the rest
+  Worker lookups;            // what waits for `mirror`; last: its jobs ask for the device
 };
 
 }  // namespace treelight::server
