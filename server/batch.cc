@@ -65,7 +65,7 @@ void Batch::GatherNext(Done done) {
         if (!status.ok()) return done(status);
         GatherSlice(done);
       },
-      {.work = work, .deadline = call_.deadline()});
+      {.work = work, .deadline = call_.deadline(), .call = &call_});
   if (!submitted.ok()) done(submitted);
 }
 
@@ -83,7 +83,8 @@ void Batch::GatherSlice(const Done& done) {
         done(status);
       },
       {.work = Work::Gather(batch_.options.k, slice_.last - slice_.first),
-       .deadline = call_.deadline()});
+       .deadline = call_.deadline(),
+       .call = &call_});
   if (!submitted.ok()) done(submitted);
 }
 

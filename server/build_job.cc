@@ -61,7 +61,8 @@ bool BuildJob::AnsweredByAnEarlierCall() {
 
 DeviceAsk BuildJob::Ask() const {
   return {.work = Work::Build(plan_.photon_count, plan_.options.builder),
-          .deadline = call_.deadline()};
+          .deadline = call_.deadline(),
+          .call = &call_};
 }
 
 void BuildJob::Submit(PhotonSource photons, std::function<void(const absl::Status&)> done) {

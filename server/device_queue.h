@@ -10,28 +10,42 @@
 #include <optional>
 #include <stop_token>
 #include <thread>
+#include <unordered_map>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "server/work_estimate.h"
 
 namespace treelight::server {
 
-/// What a job is and when it must be done, by which it may be refused.
+/// What a job is, whose it is and when it must be done, by which it may be refused.
 struct DeviceAsk {
   Work work{};
   std::chrono::system_clock::time_point deadline = std::chrono::system_clock::time_point::max();
+  const void* call = nullptr;  ///< which jobs share a turn, an address that tells calls apart
 };
 
-/// Work for the device, one job at a time in the order of submission, on a thread of its own. Safe
-/// to call from several threads at once.
+/// Work for the device, one job at a time, on a thread of its own. Safe to call from several
+/// threads at once.
+///
+/// Calls share the device by fair queueing (Demers, Keshav and Shenker 1989, "Analysis and
+/// Simulation of a Fair Queueing Algorithm", section 2). Were the device cut into equal shares for
+/// all calls with jobs here, each call would progress at the rate dV/dt = 1 / calls; a job that
+/// comes at virtual time V then finishes at
+///   F = max(V, F of the last job of its call) + time of the job
+/// and the job with the smallest F is next, the earlier one where two are equal. So a small job
+/// passes the large ones of others, however many calls they come from, and a large one waits at
+/// most until each other call has had as much of the device. Jobs of one call keep their order.
+/// We depart from the paper in that the time of a job that waits is estimated from those before,
+/// see WorkEstimate, each time that one is chosen.
 class DeviceQueue {
  public:
   /// Says whether the work is still wanted: OK, or why not.
   using Alive = std::function<absl::Status()>;
 
   /// Called exactly once, on the queue's thread. OK: the device is the job's until it returns.
-  /// Otherwise the job must not run: the reason that `Alive` gave, or UNAVAILABLE where the queue
-  /// ends. `queue_us` is the time it waited.
+  /// Otherwise the job must not run: the reason that `Alive` gave, RESOURCE_EXHAUSTED where it had
+  /// to leave a full queue, or UNAVAILABLE where the queue ends. `queue_us` is the time it waited.
   using Turn = std::function<void(const absl::Status& turn, double queue_us)>;
 
   /// At most `depth` jobs wait; the one that runs does not count.
@@ -41,12 +55,13 @@ class DeviceQueue {
   ~DeviceQueue() = default;
 
   /// Does not block. RESOURCE_EXHAUSTED, and `turn` is not called: with Quota::kQueueDepth, `depth`
-  /// jobs wait already; with Quota::kDeadline, see Check.
+  /// jobs wait already; with Quota::kDeadline, see Check. Where `depth` jobs wait and a gather of
+  /// another call would be done later than this job, that gather leaves, with Quota::kQueueDepth.
   absl::Status Submit(Alive alive, Turn turn, const DeviceAsk& ask = {});
 
-  /// RESOURCE_EXHAUSTED with Quota::kDeadline: by the times of earlier jobs, those that wait and
-  /// the one that runs will take so long that `ask` would not be done by its deadline. Never on an
-  /// idle device: one slow job must not shut out all that follow.
+  /// RESOURCE_EXHAUSTED with Quota::kDeadline: by the times of earlier jobs, those that go first
+  /// and the one that runs will take so long that `ask` would not be done by its deadline. Never on
+  /// an idle device: one slow job must not shut out all that follow.
   absl::Status Check(const DeviceAsk& ask) const;
 
   std::size_t waiting() const;
@@ -63,25 +78,51 @@ class DeviceQueue {
     Alive alive;
     Turn turn;
     Work work;
+    const void* call = nullptr;
     Clock::time_point submitted;
+    double arrived_us = 0;  // V when it came
+    absl::Status status;    // why it must not run
   };
+  using Jobs = std::deque<Job>;
   struct Running {
     Work work;
+    double start_us = 0;  // F less its time
     Clock::time_point begun;
+  };
+  /// What a call has of the device.
+  struct Share {
+    std::size_t job_count = 0;  // that wait or run
+    double finish_us = 0;       // F of the last job that ran
   };
 
   void Run(Job& job, const std::stop_token& stop);
   void Serve(const std::stop_token& stop);
-  double BacklogUs() const;                            // needs mutex_
-  absl::Status CheckTime(const DeviceAsk& ask) const;  // needs mutex_
+  // All of these need mutex_.
+  Job TakeNext();
+  void AdvanceVirtualTime();
+  void ForgetJob(const void* call);
+  std::vector<double> FinishUs(const DeviceAsk* ask = nullptr) const;
+  double LastFinishUs(const void* call) const;
+  double CostUs(const Work& work) const;
+  double BacklogUs() const;
+  double RunningUs() const;
+  absl::Status CheckTime(const DeviceAsk& ask) const;
+  Jobs::iterator GatherToLeaveFor(const DeviceAsk& ask);
+  void MakeLeave(Jobs::iterator job);
 
   const std::size_t depth_;
   mutable std::mutex mutex_;
-  std::condition_variable_any wake_;  // with mutex_: jobs_ is not empty
-  std::deque<Job> jobs_;              // guarded by mutex_
-  std::optional<Running> running_;    // guarded by mutex_
-  WorkEstimate estimate_;             // guarded by mutex_
-  std::jthread worker_;               // last: it joins before the rest goes
+  std::condition_variable_any wake_;  // with mutex_: jobs_ or left_ is not empty
+  // Guarded by mutex_, all of these.
+  Jobs jobs_;  // that wait, in the order in which they came
+  Jobs left_;  // had to leave, and are not told yet
+  std::optional<Running> running_;
+  WorkEstimate estimate_;
+  std::unordered_map<const void*, Share> shares_;  // by call: those with jobs, or ahead of V
+  std::size_t active_calls_ = 0;                   // calls with jobs
+  double virtual_us_ = 0;                          // V
+  Clock::time_point advanced_;                     // when V was that
+  std::jthread worker_;                            // last: it joins before the rest goes
 };
 
 }  // namespace treelight::server

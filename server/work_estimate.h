@@ -28,6 +28,8 @@ struct Work {
   static Work Build(std::uint64_t photon_count, BuilderKind builder = BuilderKind::kLbvh);
   static Work Gather(std::uint32_t k, std::uint64_t query_count);
 
+  bool is_gather() const { return kind >= Kind::kGatherCapped8; }
+
   Kind kind = Kind::kOther;
   std::uint64_t items = 0;  ///< photons of a build, queries of a gather
 };

@@ -1,7 +1,12 @@
 #include "server/device_queue.h"
 
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <functional>
 #include <future>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "gtest/gtest.h"
@@ -114,6 +119,144 @@ TEST(DeviceQueueTest, AJobThatWouldBeLateIsRefusedByTheTimesOfThoseBefore) {
   EXPECT_TRUE(queue.Check({.work = Work::Gather(8, 1 << 20), .deadline = in(500ms)}).ok());
   EXPECT_TRUE(queue.Check({.work = Work::Build(1'000'000)}).ok());
   blocker.Release();
+}
+
+/// A queue that has measured gathers of k 8 at 20 us a query and builds at 20 us a photon, and
+/// whose thread is busy until Finish(). Jobs take as long and note their names, those that must not
+/// run with "!" before it.
+class SharedQueue {
+ public:
+  explicit SharedQueue(std::size_t depth) : queue_(depth) {
+    using std::chrono_literals::operator""ms;
+    RunOne(queue_, Work::Gather(8, 1000), 20ms);
+    RunOne(queue_, Work::Build(1000), 20ms);
+    // The last job's time is taken up when it has ended.
+    EXPECT_TRUE(treelight::testing::Eventually([this] { return queue_.backlog().count() == 0; }));
+    blocker_.emplace(queue_);
+  }
+
+  absl::Status Submit(const std::string& name, int call, const Work& work,
+                      std::chrono::system_clock::time_point deadline =
+                          std::chrono::system_clock::time_point::max()) {
+    return queue_.Submit(
+        Wanted,
+        [this, name, work](const absl::Status& turn, double) {
+          if (!turn.ok()) refusal_ = turn;
+          if (turn.ok()) {
+            std::this_thread::sleep_for(work.items * std::chrono::microseconds(20));
+          }
+          order_.push_back((turn.ok() ? "" : "!") + name);
+          ++done_;
+        },
+        {.work = work, .deadline = deadline, .call = &calls_[call]});
+  }
+
+  /// Lets `count` jobs run; their names in the order in which they did.
+  std::vector<std::string> Finish(int count) {
+    blocker_->Release();
+    EXPECT_TRUE(treelight::testing::Eventually([&] { return done_ == count; }));
+    return order_;
+  }
+
+  const absl::Status& refusal() const { return refusal_; }
+  std::size_t waiting() const { return queue_.waiting(); }
+
+ private:
+  std::array<char, 16> calls_{};
+  std::vector<std::string> order_;  // written by the queue's thread, read once done_ says so
+  absl::Status refusal_;
+  std::atomic<int> done_ = 0;
+  DeviceQueue queue_;
+  std::optional<Blocker> blocker_;
+};
+
+TEST(DeviceQueueTest, ASmallJobPassesTheLargeOnesOfOtherCalls) {
+  SharedQueue queue(64);
+  std::vector<std::string> expected = {"small"};
+  for (int call = 0; call < 10; ++call) {
+    const std::string name = "large " + std::to_string(call);
+    ASSERT_TRUE(queue.Submit(name, call, Work::Gather(8, 1000)).ok());
+    expected.push_back(name);
+  }
+  ASSERT_TRUE(queue.Submit("small", 10, Work::Gather(8, 10)).ok());
+  EXPECT_EQ(queue.Finish(11), expected);
+}
+
+TEST(DeviceQueueTest, JobsOfACallKeepTheirOrder) {
+  SharedQueue queue(64);
+  ASSERT_TRUE(queue.Submit("large", 0, Work::Gather(8, 1000)).ok());
+  ASSERT_TRUE(queue.Submit("small", 0, Work::Gather(8, 10)).ok());
+  ASSERT_TRUE(queue.Submit("unmeasured", 0, Work::Gather(4096, 10)).ok());
+  EXPECT_EQ(queue.Finish(3), (std::vector<std::string>{"large", "small", "unmeasured"}));
+}
+
+TEST(DeviceQueueTest, CallsTakeTurnsHoweverMuchEachAsksFor) {
+  SharedQueue queue(64);
+  const Work work = Work::Gather(8, 1000);
+  for (const char* name : {"a0", "a1", "a2", "a3"}) {
+    ASSERT_TRUE(queue.Submit(name, 0, work).ok());
+  }
+  for (const char* name : {"b0", "b1"}) ASSERT_TRUE(queue.Submit(name, 1, work).ok());
+  auto order = queue.Finish(6);
+  // Of two that are level, either goes first.
+  std::sort(order.begin(), order.begin() + 2);
+  std::sort(order.begin() + 2, order.begin() + 4);
+  EXPECT_EQ(order, (std::vector<std::string>{"a0", "b0", "a1", "b1", "a2", "a3"}));
+}
+
+TEST(DeviceQueueTest, ALargeJobRunsOnceTheOthersHaveHadAsMuch) {
+  using std::chrono_literals::operator""ms;
+  std::atomic<int> before = 0;  // small jobs that ran before the large one
+  std::atomic<bool> ran = false;
+  std::array<char, 2> calls{};
+  DeviceQueue queue(8);
+  RunOne(queue, Work::Gather(8, 100), 2ms);
+  // A call that always has the next small job here when the last one ends.
+  std::function<void(const absl::Status&, double)> small = [&](const absl::Status& turn, double) {
+    if (!turn.ok() || ran || ++before > 1000) return;
+    EXPECT_TRUE(queue.Submit(Wanted, small, {.work = Work::Gather(8, 100)}).ok());
+    std::this_thread::sleep_for(2ms);
+  };
+  {
+    Blocker blocker(queue);
+    ASSERT_TRUE(
+        queue.Submit(Wanted, small, {.work = Work::Gather(8, 100), .call = calls.data()}).ok());
+    ASSERT_TRUE(queue
+                    .Submit(Wanted, [&](const absl::Status&, double) { ran = true; },
+                            {.work = Work::Gather(8, 5000), .call = &calls[1]})
+                    .ok());
+    blocker.Release();
+  }
+  ASSERT_TRUE(treelight::testing::Eventually([&] { return ran.load(); }));
+  EXPECT_GT(before, 5);
+  EXPECT_LT(before,
+            250);  // 100 ms of its own: 50 small ones, or twice as many that are measured late
+}
+
+TEST(DeviceQueueTest, OfAFullQueueTheGatherThatWouldBeLastLeavesForASmallerJob) {
+  SharedQueue queue(3);
+  ASSERT_TRUE(queue.Submit("build", 0, Work::Build(5000)).ok());
+  ASSERT_TRUE(queue.Submit("large", 1, Work::Gather(8, 2000)).ok());
+  ASSERT_TRUE(queue.Submit("middle", 2, Work::Gather(8, 1000)).ok());
+  EXPECT_EQ(RefusedQuota(queue.Submit("larger", 3, Work::Gather(8, 3000))), "queue");
+  ASSERT_TRUE(queue.Submit("small", 4, Work::Gather(8, 10)).ok());
+  EXPECT_EQ(queue.waiting(), 3u);
+  // Builds stay: their photons have come a long way.
+  EXPECT_EQ(RefusedQuota(queue.Submit("again", 2, Work::Gather(8, 2000))), "queue");
+  const auto order = queue.Finish(4);
+  EXPECT_EQ(order, (std::vector<std::string>{"!large", "small", "middle", "build"}));
+  EXPECT_EQ(queue.refusal().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(RefusedQuota(queue.refusal()), "queue");
+}
+
+TEST(DeviceQueueTest, ADeadlineIsJudgedByTheJobsThatGoFirst) {
+  using std::chrono_literals::operator""ms;
+  SharedQueue queue(64);
+  ASSERT_TRUE(queue.Submit("large", 0, Work::Gather(8, 20'000)).ok());  // 400 ms
+  const auto soon = std::chrono::system_clock::now() + 200ms;
+  EXPECT_TRUE(queue.Submit("small", 1, Work::Gather(8, 10), soon).ok());
+  EXPECT_EQ(RefusedQuota(queue.Submit("same call", 0, Work::Gather(8, 10), soon)), "deadline");
+  EXPECT_EQ(queue.Finish(2), (std::vector<std::string>{"small", "large"}));
 }
 
 TEST(DeviceQueueTest, AnIdleDeviceTakesEveryJob) {
