@@ -8,6 +8,7 @@
 
 #include "fmt/format.h"
 #include "server/answer.h"
+#include "server/break_switch.h"
 #include "server/guard.h"
 
 namespace treelight::server {
@@ -163,6 +164,10 @@ absl::Status Batch::Gather() {
                                        call_.cancelled());
   if (!result.ok()) return result.status();
   result_ = *std::move(result);
+  const auto& distances = result_.neighbor_squared_distances;
+  if (Broken("ties") && distances.size() > 1 && distances[0] == distances[1]) {
+    std::swap(result_.neighbor_ids[0], result_.neighbor_ids[1]);
+  }
   if (lists) {
     answer_memory_.Resize(answer_memory_.bytes() + kNeighborBytes * result_.neighbor_ids.size());
   }
@@ -189,7 +194,7 @@ absl::Status Batch::WriteNext(v1::GatherResponse& response) {
   if (!last.ok()) return last.status();
   response.set_batch_id(*record_.batch_id);
   response.set_map(map_->name);
-  response.set_version(map_->version);
+  response.set_version(map_->version + (Broken("other_version") ? 1 : 0));
   WritePart(result_, batch_.options, first, *last, response);
   response.set_first_query(static_cast<std::uint32_t>(next_query_));
   next_query_ = slice_.first + *last;

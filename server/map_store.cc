@@ -5,6 +5,7 @@
 
 #include "fmt/format.h"
 #include "fmt/ranges.h"
+#include "server/break_switch.h"
 
 namespace treelight::server {
 
@@ -14,14 +15,14 @@ MapStore::MapStore(Clock clock, std::size_t dead_names)
       sweeper_([this](const std::stop_token& stop) { SweepInTime(stop); }) {}
 
 bool MapStore::Expired(const StoredMap& map) const {
-  return map.expires.has_value() && *map.expires <= clock_();
+  return map.expires.has_value() && *map.expires <= clock_() && !Broken("expiry");
 }
 
 MapHandle MapStore::Add(StoredMap map) {
   auto handle = std::make_shared<StoredMap>(std::move(map));
   {
     const std::lock_guard lock(mutex_);
-    if (!handle->request_id.empty()) {
+    if (!handle->request_id.empty() && !Broken("request_id")) {
       const auto [known, added] = requests_.try_emplace(handle->request_id, handle);
       if (!added) {
         if (!Expired(*known->second)) return known->second;
@@ -40,6 +41,7 @@ MapHandle MapStore::Add(StoredMap map) {
 }
 
 std::uint64_t MapStore::NextVersion(const std::string& name) {
+  if (Broken("version")) return maps_.contains(name) ? maps_[name].rbegin()->first + 1 : 1;
   return ++last_versions_.try_emplace(name, forgotten_version_).first->second;
 }
 
@@ -104,7 +106,8 @@ void MapStore::ForgetDeadNames() {
 MapHandle MapStore::FindRequest(std::string_view request_id) const {
   const std::lock_guard lock(mutex_);
   const auto known = requests_.find(request_id);
-  return known == requests_.end() || Expired(*known->second) ? nullptr : known->second;
+  if (known == requests_.end() || Expired(*known->second) || Broken("request_id")) return nullptr;
+  return known->second;
 }
 
 absl::StatusOr<MapHandle> MapStore::Find(std::string_view name, std::uint64_t version) const {
@@ -117,6 +120,7 @@ absl::StatusOr<MapHandle> MapStore::Find(std::string_view name, std::uint64_t ve
     if (found == versions.end() || Expired(*found->second)) return NotFound(name, version);
     return found->second;
   }
+  if (Broken("newest")) return versions.begin()->second;
   const auto newest = std::find_if(versions.rbegin(), versions.rend(),
                                    [this](const auto& entry) { return !Expired(*entry.second); });
   if (newest == versions.rend()) return NotFound(name, version);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/convert.h"
 #include "server/residency.h"
 
@@ -105,6 +106,7 @@ absl::StatusOr<MapHandle> TakeUp(State& state, const SnapshotFolder::File& file)
   const SnapshotFolder& folder = *state.snapshots;
   if (absl::IsDataLoss(file.head.status())) {
     SetAside(folder, file.name, file.head.status());
+    if (Broken("damaged_file")) return absl::InternalError("a file is damaged");
     return nullptr;
   }
   if (!file.head.ok()) {

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/refusal.h"
 
 namespace treelight::server {
@@ -113,7 +114,7 @@ class Aside {
   }
   ~Aside() {
     if (handle_ < 0) return;
-    if (!renamed_) unlink(path_.c_str());
+    if (!renamed_ && !Broken("leftovers")) unlink(path_.c_str());
     close(handle_);
   }
   Aside(const Aside&) = delete;
@@ -274,6 +275,7 @@ SnapshotFolder::File SnapshotFolder::ReadHead(const Entry& entry) const {
 }
 
 void SnapshotFolder::RemoveLeftovers() const {
+  if (Broken("leftovers")) return;
   const auto names = ListNames(handle_, kTemporary);
   if (!names.ok()) return;  // CheckAll tells
   for (const std::string& name : *names) {
@@ -326,6 +328,7 @@ absl::StatusOr<std::uint64_t> SnapshotFolder::Write(const v1::PhotonMap& map,
   const auto head =
       ReadSnapshotHead(Source(file.handle(), static_cast<std::uint64_t>(status.st_size)));
   if (!head.ok()) return Failed(name, head.status());
+  if (Broken("durable_build")) return head->checksum;
   const NamingLock lock(handle_);
   if (auto locked = lock.Take(); !locked.ok()) return locked;
   if (auto approved = approve(); !approved.ok()) return approved;
@@ -337,6 +340,7 @@ absl::StatusOr<std::uint64_t> SnapshotFolder::Write(const v1::PhotonMap& map,
     unlinkat(handle_, name.c_str(), 0);
     return synced;
   }
+  if (Broken("refused_build") && map.photon_count() % 8 == 0) return failed(ENOSPC);
   return head->checksum;
 }
 
@@ -358,6 +362,7 @@ absl::Status SnapshotFolder::Remove(std::string_view name, std::uint64_t version
   const std::string file = SnapshotName(name, version);
   const auto head = CheckFile(handle_, file, Depth::kHead).head;
   if (head.ok() && head->checksum != checksum) return absl::OkStatus();
+  if (Broken("durable_delete")) return absl::OkStatus();
   if (unlinkat(handle_, file.c_str(), 0) != 0 && errno != ENOENT) return Failed(file, errno);
   return Sync();
 }

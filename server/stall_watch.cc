@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/break_switch.h"
+
 namespace treelight::server {
 
 StallWatch::StallWatch(std::chrono::milliseconds patience)
@@ -43,7 +45,7 @@ std::optional<std::pair<const void*, std::function<void()>>> StallWatch::TakeLat
   const auto now = Clock::now();
   const auto late = std::ranges::find_if(
       waiting_, [&](const auto& entry) { return now - entry.second.since >= patience_; });
-  if (late == waiting_.end()) return std::nullopt;
+  if (late == waiting_.end() || Broken("stall")) return std::nullopt;
   std::pair taken(late->first, std::move(late->second.end));
   waiting_.erase(late);
   return taken;

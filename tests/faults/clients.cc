@@ -1,0 +1,385 @@
+#include "tests/faults/clients.h"
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <utility>
+
+#include "client/gather_wire.h"
+#include "fmt/format.h"
+#include "grpcpp/create_channel.h"
+#include "grpcpp/security/credentials.h"
+#include "tests/faults/model.h"
+
+namespace treelight::faults {
+namespace {
+
+using std::chrono_literals::operator""ms;
+using std::chrono_literals::operator""s;
+
+constexpr std::uint32_t kNameCount = 5;
+constexpr std::size_t kManyMaps = 40;
+constexpr std::chrono::milliseconds kTimeout = 4s;
+
+grpc::ChannelArguments Arguments() {
+  grpc::ChannelArguments arguments;
+  // A connection of its own, which comes back soon.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 20);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
+  arguments.SetMaxReceiveMessageSize(-1);
+  return arguments;
+}
+
+std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address,
+                                           const grpc::ChannelArguments& arguments = Arguments()) {
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+/// A channel that takes little of an answer that nobody reads.
+std::shared_ptr<grpc::Channel> MakeNarrowChannel(const std::string& address) {
+  grpc::ChannelArguments arguments = Arguments();
+  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 65'535);
+  return MakeChannel(address, arguments);
+}
+
+Outcome ToOutcome(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return Outcome::kOk;
+    case absl::StatusCode::kNotFound:
+      return Outcome::kNotFound;
+    case absl::StatusCode::kDataLoss:
+      return Outcome::kDataLoss;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kResourceExhausted:
+    case absl::StatusCode::kInternal:
+    case absl::StatusCode::kFailedPrecondition:
+      return Outcome::kRefused;
+    default:
+      return Outcome::kUnknown;
+  }
+}
+
+std::string Told(const absl::Status& status) { return status.ok() ? "" : status.ToString(); }
+
+std::string NameOf(std::uint32_t number) { return fmt::format("map{}", number % kNameCount); }
+
+}  // namespace
+
+bool Gate::Enter() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return over_ || !closed_; });
+  if (over_) return false;
+  ++inside_;
+  return true;
+}
+
+void Gate::Leave() {
+  const std::lock_guard lock(mutex_);
+  --inside_;
+  changed_.notify_all();
+}
+
+void Gate::Close() {
+  std::unique_lock lock(mutex_);
+  closed_ = true;
+  changed_.wait(lock, [this] { return inside_ == 0; });
+}
+
+void Gate::Open() {
+  const std::lock_guard lock(mutex_);
+  closed_ = false;
+  changed_.notify_all();
+}
+
+void Gate::End() {
+  const std::lock_guard lock(mutex_);
+  over_ = true;
+  changed_.notify_all();
+}
+
+void Board::Built(const client::MapRef& map) {
+  const std::lock_guard lock(mutex_);
+  built_.push_back(map);
+}
+
+void Board::Deleted(const client::MapRef& map) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(built_, [&](const client::MapRef& built) {
+    const bool gone = built.name == map.name && (map.version == 0 || built.version == map.version);
+    if (gone) deleted_.push_back(built);
+    return gone;
+  });
+  constexpr std::size_t kRemembered = 64;
+  if (deleted_.size() > kRemembered) deleted_.erase(deleted_.begin(), deleted_.end() - kRemembered);
+}
+
+client::MapRef Board::AnyBuilt(std::mt19937& random) const {
+  const std::lock_guard lock(mutex_);
+  return built_.empty() ? client::MapRef{.name = NameOf(random())}
+                        : built_[random() % built_.size()];
+}
+
+client::MapRef Board::AnyDeleted(std::mt19937& random) const {
+  const std::lock_guard lock(mutex_);
+  return deleted_.empty() ? client::MapRef{.name = NameOf(random())}
+                          : deleted_[random() % deleted_.size()];
+}
+
+std::size_t Board::built_count() const {
+  const std::lock_guard lock(mutex_);
+  return built_.size();
+}
+
+Client::Client(Recorder& recorder, Board& board, const std::string& address, Options options)
+    : recorder_(recorder),
+      board_(board),
+      options_(options),
+      random_(options.seed),
+      channel_(MakeChannel(address)),
+      client_(channel_, kTimeout),
+      stub_(v1::PhotonMapService::NewStub(channel_)) {
+  client_.SetRetryPatience(1s);
+}
+
+void Client::Step() {
+  // While there is no server, questions are of no use.
+  if (unanswered_) std::this_thread::sleep_for(50ms);
+  unanswered_ = false;
+  const std::uint32_t dice = random_() % 100;
+  if (dice < 25) {
+    BuildSomething();
+  } else if (dice < 29) {
+    BuildWrongly();
+  } else if (dice < 38 || (dice < 50 && board_.built_count() > kManyMaps)) {
+    DeleteSomething();
+  } else if (dice < 54) {
+    (void)ListAll();
+  } else {
+    GatherSomething();
+  }
+}
+
+void Client::BuildSomething() {
+  // Counts that tell one request from others, where a list says no more than them.
+  constexpr std::uint32_t kFewest = 64, kCounts = 2003, kStride = 37;
+  const std::uint32_t serial = board_.NextSerial();
+  BuildTry build;
+  build.request_id = fmt::format("request{}", serial);
+  build.name = NameOf(random_());
+  build.photons = {.count = kFewest + serial * kStride % kCounts,
+                   .seed = static_cast<std::uint32_t>(random_())};
+  if (random_() % 10 == 0) build.time_to_live = 1000 * (300 + random_() % 3000);
+  // Asked again, as a client does that was not answered; at times one that was.
+  constexpr int kTries = 3;
+  for (int i = 0; i < kTries; ++i) {
+    const bool again = random_() % 8 == 0, insist = random_() % 2 == 0;
+    const Outcome outcome = Build(build);
+    if (!(outcome == Outcome::kOk && again) && !(outcome == Outcome::kUnknown && insist)) return;
+  }
+}
+
+Outcome Client::Build(BuildTry build) {
+  client::UploadOptions options;
+  options.request_id = build.request_id;
+  options.time_to_live = std::chrono::milliseconds(build.time_to_live / 1000);
+  constexpr v1::BuilderKind kKinds[] = {v1::BUILDER_KIND_LBVH, v1::BUILDER_KIND_TREELET,
+                                        v1::BUILDER_KIND_BALANCED};
+  options.build.set_builder(kKinds[build.photons.seed % std::size(kKinds)]);
+  const Photons photons = MakePhotons(build.photons);
+  build.start = recorder_.Now();
+  const auto built = client_.BuildPhotonMap(build.name, photons, options);
+  build.end = recorder_.Now();
+  build.outcome = ToOutcome(built.status());
+  build.told = Told(built.status());
+  if (built.ok()) {
+    const v1::PhotonMap& map = built->map();
+    build.answered_name = map.name();
+    build.version = map.version();
+    build.photon_count = map.photon_count();
+    if (map.expires_unix_ms() != 0) build.expires = recorder_.FromUnixMs(map.expires_unix_ms());
+    board_.Built({.name = map.name(), .version = map.version()});
+  }
+  const Outcome outcome = build.outcome;
+  unanswered_ |= outcome == Outcome::kUnknown;
+  recorder_.Add(std::move(build));
+  return outcome;
+}
+
+/// An upload that breaks off, or a map over the limit.
+void Client::BuildWrongly() {
+  const bool too_large = random_() % 2 == 0;
+  BuildTry build;
+  build.request_id = fmt::format("wrong{}", board_.NextSerial());
+  build.name = NameOf(random_());
+  build.photons = {.count = too_large ? kMaxPhotons + 1 : 100,
+                   .seed = static_cast<std::uint32_t>(random_()) | 1};
+  build.must_be_refused = true;
+  const Photons photons = MakePhotons(build.photons);
+  v1::BuildPhotonMapRequest header, chunk;
+  header.mutable_header()->set_name(build.name);
+  header.mutable_header()->set_photon_count(build.photons.count + (too_large ? 0 : 1));
+  header.mutable_header()->set_request_id(build.request_id);
+  chunk.mutable_chunk()->set_positions(photons.positions.data(),
+                                       photons.positions.size() * sizeof(float));
+  build.start = recorder_.Now();
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kTimeout);
+  v1::BuildPhotonMapResponse response;
+  const auto upload = stub_->BuildPhotonMap(&context, &response);
+  if (upload->Write(header)) upload->Write(chunk);
+  upload->WritesDone();
+  const grpc::Status status = upload->Finish();
+  build.end = recorder_.Now();
+  const absl::Status told(static_cast<absl::StatusCode>(status.error_code()),
+                          status.error_message());
+  build.outcome = ToOutcome(told);
+  build.told = Told(told);
+  build.answered_name = response.map().name();
+  build.version = response.map().version();
+  build.photon_count = response.map().photon_count();
+  recorder_.Add(std::move(build));
+}
+
+void Client::DeleteSomething() {
+  client::MapRef map = board_.AnyBuilt(random_);
+  if (random_() % 8 == 0) map.version = 0;
+  DeleteOne(map);
+}
+
+void Client::DeleteOne(const client::MapRef& map) {
+  Delete gone{.name = map.name, .version = map.version};
+  gone.start = recorder_.Now();
+  const auto deleted = client_.DeletePhotonMap(map);
+  gone.end = recorder_.Now();
+  gone.outcome = ToOutcome(deleted.status());
+  gone.told = Told(deleted.status());
+  unanswered_ |= gone.outcome == Outcome::kUnknown;
+  if (gone.outcome == Outcome::kOk || gone.outcome == Outcome::kNotFound) board_.Deleted(map);
+  recorder_.Add(std::move(gone));
+}
+
+void Client::GatherSomething() {
+  const std::uint32_t dice = random_() % 10;
+  if (dice < 4) {
+    GatherFrom({.name = NameOf(random_())});
+  } else if (dice < 9) {
+    GatherFrom(board_.AnyBuilt(random_));
+  } else {
+    GatherFrom(board_.AnyDeleted(random_));
+  }
+}
+
+void Client::GatherFrom(const client::MapRef& map) {
+  Gather gather{.name = map.name, .version = map.version};
+  const bool large = options_.large_batch > 0 && random_() % 2 == 0;
+  const bool lists = random_() % 4 == 0;  // all within a radius
+  gather.queries = {
+      .count = large ? options_.large_batch : 1 + static_cast<std::uint32_t>(random_() % 6),
+      .seed = static_cast<std::uint32_t>(random_()),
+      .k = lists ? 0 : 1 + static_cast<std::uint32_t>(random_() % 12),
+      .radius = lists || random_() % 2 == 0 ? 0.02f * static_cast<float>(1 + random_() % 8)
+                                            : std::numeric_limits<float>::infinity()};
+  const auto positions = MakeQueries(gather.queries);
+  gather.start = recorder_.Now();
+  auto answer = client_.Gather(map, {.positions = positions}, MakeOptions(gather.queries));
+  gather.end = recorder_.Now();
+  gather.outcome = ToOutcome(answer.status());
+  gather.told = Told(answer.status());
+  unanswered_ |= gather.outcome == Outcome::kUnknown;
+  if (answer.ok()) {
+    gather.answered_name = answer->map.name;
+    gather.answered_version = answer->map.version;
+    gather.result = std::move(answer->result);
+  } else if (gather.outcome == Outcome::kNotFound && map.version != 0) {
+    board_.Deleted(map);
+  }
+  recorder_.Add(std::move(gather));
+}
+
+List Client::ListAll() {
+  List list;
+  list.start = recorder_.Now();
+  const auto maps = client_.ListPhotonMaps();
+  list.end = recorder_.Now();
+  list.outcome = ToOutcome(maps.status());
+  unanswered_ |= list.outcome == Outcome::kUnknown;
+  if (maps.ok()) {
+    for (const v1::PhotonMap& map : *maps) {
+      list.maps.push_back({map.name(), map.version(), map.photon_count()});
+    }
+  }
+  recorder_.Add(list);
+  return list;
+}
+
+void Client::Audit() {
+  for (const Listed& map : ListAll().maps) {
+    GatherFrom({.name = map.name, .version = map.version});
+  }
+}
+
+StuckClients::StuckClients(int port) {
+  const std::string address = fmt::format("127.0.0.1:{}", port);
+  for (const bool upload : {true, false}) {
+    threads_.emplace_back([this, upload, address] {
+      const auto stub = v1::PhotonMapService::NewStub(MakeNarrowChannel(address));
+      upload ? Upload(*stub) : Read(*stub);
+    });
+  }
+}
+
+StuckClients::~StuckClients() {
+  {
+    const std::lock_guard lock(mutex_);
+    over_ = true;
+  }
+  let_go_.notify_all();
+  for (auto& thread : threads_) thread.join();
+}
+
+void StuckClients::WaitUntilLetGo() {
+  std::unique_lock lock(mutex_);
+  let_go_.wait(lock, [this] { return over_; });
+}
+
+void StuckClients::Upload(v1::PhotonMapService::Stub& stub) {
+  grpc::ClientContext context;
+  v1::BuildPhotonMapResponse response;
+  const auto upload = stub.BuildPhotonMap(&context, &response);
+  v1::BuildPhotonMapRequest header;
+  header.mutable_header()->set_name("stuck");
+  header.mutable_header()->set_photon_count(1000);
+  upload->Write(header);
+  WaitUntilLetGo();
+  context.TryCancel();
+  upload->Finish();
+}
+
+/// Takes the first answer of a stream of large ones.
+void StuckClients::Read(v1::PhotonMapService::Stub& stub) {
+  v1::ListPhotonMapsResponse maps;
+  {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + kTimeout);
+    if (!stub.ListPhotonMaps(&context, {}, &maps).ok() || maps.maps().empty()) return;
+  }
+  const QuerySet queries{.count = 5000, .seed = 1, .k = 64, .radius = 1};
+  const auto positions = MakeQueries(queries);
+  const v1::PhotonMap& map = maps.maps(0);
+  const auto batch = client::MakeGatherRequest({.name = map.name(), .version = map.version()}, 0,
+                                               {.positions = positions}, MakeOptions(queries));
+  grpc::ClientContext context;
+  const auto stream = stub.GatherStream(&context);
+  stream->Write(batch);
+  v1::GatherResponse response;
+  stream->Read(&response);
+  WaitUntilLetGo();
+  context.TryCancel();
+  stream->Finish();
+}
+
+}  // namespace treelight::faults
