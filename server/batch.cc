@@ -46,6 +46,7 @@ void Batch::Run(const v1::GatherRequest& request, Done done) {
 }
 
 void Batch::GatherNext(Done done) {
+  if (slice_.last > 0) GrowSlice();
   const ReloadableMap* const reloadable = map_->reloadable;
   if (reloadable == nullptr || tree_ != nullptr || reloadable->resident()) return GatherSlice(done);
   // A job of its own, whose time says nothing of gathers. Only the first of those that wait for one
@@ -134,21 +135,41 @@ absl::Status Batch::TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget:
   return absl::OkStatus();
 }
 
-/// Cuts the batch into slices and takes the memory for one of them, with what of it is in messages.
-/// Lists without a cap are of unknown length: they are not cut, and paid for where they are
-/// gathered.
+/// Cuts the batch into slices and takes the memory for the first. Lists without a cap are of
+/// unknown length: they are not cut, and paid for where they are gathered.
 absl::Status Batch::AdmitAnswer() {
   const Limits& limits = state_.options.limits;
-  const std::uint64_t query_bytes = std::max<std::uint64_t>(1, LargestAnswer(batch_.options, 1, 0));
   const bool whole = form_ == AnswerForm::kMessage || batch_.options.k == 0;
-  slice_size_ =
-      whole ? batch_.size() : std::max<std::uint64_t>(1, limits.max_slice_bytes / query_bytes);
-  const std::uint64_t slice_bytes = query_bytes * std::min(slice_size_, batch_.size());
-  // A part is there twice: made, and on its way in gRPC.
-  const std::uint64_t part_bytes =
-      std::min(slice_bytes, form_ == AnswerForm::kMessage ? limits.max_message_bytes
-                                                          : 2 * limits.max_part_bytes);
-  return TakeMemory(Holder::kAnswers, slice_bytes + part_bytes, answer_memory_);
+  const std::uint64_t first_bytes = std::min(limits.max_part_bytes, limits.max_slice_bytes);
+  slice_size_ = whole ? batch_.size() : std::max<std::uint64_t>(1, first_bytes / QueryBytes());
+  return TakeMemory(Holder::kAnswers, HeldBytes(slice_size_), answer_memory_);
+}
+
+/// The client has taken a slice: the next is twice as large, where there is memory for it.
+void Batch::GrowSlice() {
+  const std::uint64_t largest = state_.options.limits.max_slice_bytes / QueryBytes();
+  const std::uint64_t grown = std::min<std::uint64_t>({2 * slice_size_, largest, batch_.size()});
+  if (grown <= slice_size_) return;
+  MemoryBudget::Share more;
+  const std::uint64_t held = HeldBytes(grown);
+  if (!TakeMemory(Holder::kAnswers, held - answer_memory_.bytes(), more).ok()) return;
+  answer_memory_.Resize(held);
+  slice_size_ = grown;
+}
+
+/// Array bytes of the answer to one query, at most.
+std::uint64_t Batch::QueryBytes() const {
+  return std::max<std::uint64_t>(1, LargestAnswer(batch_.options, 1, 0));
+}
+
+/// What a slice of `query_count` holds: itself, and a part that is there twice, made and on its way
+/// in gRPC.
+std::uint64_t Batch::HeldBytes(std::size_t query_count) const {
+  const Limits& limits = state_.options.limits;
+  const std::uint64_t slice_bytes = QueryBytes() * std::min(query_count, batch_.size());
+  return slice_bytes + std::min(slice_bytes, form_ == AnswerForm::kMessage
+                                                 ? limits.max_message_bytes
+                                                 : 2 * limits.max_part_bytes);
 }
 
 absl::Status Batch::Gather() {

@@ -2,6 +2,7 @@
 #define TREELIGHT_SERVER_BATCH_H_
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 
@@ -23,9 +24,10 @@ enum class AnswerForm {
 /// One batch of queries on its way to its answer: parsed, queued, gathered, written into messages,
 /// logged. Not thread-safe; each step follows the one before.
 ///
-/// A batch of a stream with k > 0 is gathered in slices of Limits::max_slice_bytes of answers, the
-/// next once the parts of the last are written, so that a client that reads slowly makes the server
-/// hold one slice and not all.
+/// A batch of a stream with k > 0 is gathered in slices, the next once the parts of the last are
+/// written, so that a client that reads slowly makes the server hold one slice and not all. The
+/// first is as large as a part and each further one twice as large as the one before, up to
+/// Limits::max_slice_bytes: one that does not read at all has little of the device.
 class Batch {
  public:
   /// How a step has ended; called exactly once, with nothing held and not always on another thread.
@@ -61,6 +63,9 @@ class Batch {
   absl::Status Parse(const v1::GatherRequest& request);
   absl::Status TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget::Share& share);
   absl::Status AdmitAnswer();
+  void GrowSlice();
+  std::uint64_t QueryBytes() const;
+  std::uint64_t HeldBytes(std::size_t query_count) const;
   void GatherSlice(const Done& done);
   absl::Status Gather();
   void AddTimes();

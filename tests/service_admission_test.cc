@@ -74,6 +74,19 @@ class ServiceAdmissionTest : public GatedServiceTest {
   bool AllGivenBack() {
     return Eventually([&] { return Info().memory_bytes_used() == 0; });
   }
+
+  /// A stream's batch of which the lists are 62 MiB, answered whole.
+  void GatherLongAnswer() {
+    const auto batch =
+        MakeBatch("cloud", MakePoints(2000, 2), {.k = 4096, .outputs = kOutputNeighbors});
+    std::vector<v1::GatherResponse> parts;
+    const auto status = Stream(*stub_, {&batch, 1}, parts);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    std::size_t queries = 0;
+    for (const auto& part : parts) queries += part.query_count();
+    EXPECT_EQ(queries, 2000u);
+    EXPECT_TRUE(AllGivenBack());
+  }
 };
 
 TEST_F(ServiceAdmissionTest, AnUploadOverTheMemoryLimitIsRefusedBeforeItsChunksAreRead) {
@@ -203,17 +216,32 @@ TEST_F(ServiceAdmissionTest, AnIdleDeviceRefusesNobodyForHisDeadline) {
 
 TEST_F(ServiceAdmissionTest, AnAnswerOverTheMemoryLimitIsRefusedAndGivenBack) {
   options_.memory_limit = 5 << 20;
+  options_.limits.max_part_bytes = 4 << 20;
   StartGated();
   const auto batch =
       MakeBatch("cloud", MakePoints(2000, 2), {.k = 4096, .outputs = kOutputNeighbors});
   std::vector<v1::GatherResponse> parts;
-  const auto status = Stream(*stub_, {&batch, 1}, parts);  // a slice is 16 MiB
+  // The first slice is as large as a part, and as much is on its way.
+  const auto status = Stream(*stub_, {&batch, 1}, parts);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(ReadDetails(status).quota, "memory");
   EXPECT_EQ(status.error_message().find("batch of 2000 queries, k 4096: "), 0u)
       << status.error_message();
   EXPECT_EQ(gate_->gathers, 0);
   EXPECT_TRUE(AllGivenBack());
+}
+
+TEST_F(ServiceAdmissionTest, SlicesGrowAsTheyAreTaken) {
+  StartGated();
+  GatherLongAnswer();
+  EXPECT_LE(gate_->gathers, 1 + 1 + 1 + 1 + 3);  // of 1, 2, 4, 8 and 16 MiB
+}
+
+TEST_F(ServiceAdmissionTest, SlicesStaySmallWhereMemoryIsShort) {
+  options_.memory_limit = 5 << 20;
+  StartGated();
+  GatherLongAnswer();
+  EXPECT_GT(gate_->gathers, 20);
 }
 
 TEST_F(ServiceAdmissionTest, ListsWithoutACapArePaidForByTheirLength) {
