@@ -176,8 +176,12 @@ absl::Status Batch::Gather() {
   const bool lists = batch_.options.k == 0 && (batch_.options.outputs & kOutputNeighbors) != 0;
   MemoryBudget::Share list_memory;
   if (lists) {
+    // No list is longer than the map.
+    const std::uint64_t longest = (slice_.last - slice_.first) * map_->gatherer->photon_count();
     const auto taken =
-        TakeMemory(Holder::kAnswers, kNeighborBytes * batch_.options.max_neighbors, list_memory);
+        TakeMemory(Holder::kAnswers,
+                   kNeighborBytes * std::min<std::uint64_t>(longest, batch_.options.max_neighbors),
+                   list_memory);
     if (!taken.ok()) return taken;
   }
   result_ = {};  // the last slice goes before the next comes
