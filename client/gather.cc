@@ -201,6 +201,10 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
                       : GatherRanges(*impl_->stub, pinned, queries, options, ranges, deadline);
   if (answer.ok()) return answer;
   impl_->ForgetLimits();
+  // The newest was deleted meanwhile: another one is it now, or none.
+  if (absl::IsNotFound(answer.status()) && pinned.version != map.version) {
+    return GatherOnce(map, queries, options, deadline);
+  }
   const bool too_large = absl::IsResourceExhausted(answer.status()) && !RetryDelay(answer.status());
   if (!too_large || !Wants(options, kOutputNeighbors) || options.k != 0) return answer;
 

@@ -125,6 +125,25 @@ TEST_F(ClientFaultsTest, ABuildThatFailsIsNotRetriedForEver) {
   EXPECT_EQ(service_.request_ids.size(), 3u);
 }
 
+TEST_F(ClientFaultsTest, TheNewestMayBeDeletedWhileItIsAskedFor) {
+  int stream_count = 0;
+  service_.gather_stream = [&](grpc::ServerContext&, FaultyService::Stream& stream) {
+    if (++stream_count == 1) return grpc::Status(grpc::StatusCode::NOT_FOUND, "deleted");
+    v1::GatherRequest request;
+    while (stream.Read(&request)) stream.Write(Answer(request));
+    return grpc::Status::OK;
+  };
+  PhotonMapClient client(Channel());
+  const std::vector<float> positions(9);  // two batches: the version is asked for first
+  const auto newest = client.Gather({.name = "map"}, {.positions = positions}, {.k = 1});
+  EXPECT_TRUE(newest.ok()) << newest.status();
+  EXPECT_EQ(stream_count, 2);
+  // Whoever asks for one version wants no other.
+  stream_count = 0;
+  EXPECT_EQ(Gather(client), absl::NotFoundError("deleted"));
+  EXPECT_EQ(stream_count, 1);
+}
+
 /// A refusal that says when to repeat.
 grpc::Status Refused(std::chrono::milliseconds delay) {
   google::rpc::RetryInfo retry;
