@@ -42,7 +42,7 @@ class Judge {
     CheckVersions();
     for (const Quiet& quiet : history_.quiets) CheckQuiet(quiet);
     for (const Life& life : history_.lives) CheckLife(life);
-    if (history_.folder.looked) CheckFolder(history_.folder);
+    for (const Folder& folder : history_.folders) CheckFolder(folder);
     return std::move(violations_);
   }
 
@@ -278,7 +278,12 @@ class Judge {
     }
     for (const auto& [name, version] : here) {
       const auto known = maps_.At(name, version);
-      if (std::ranges::none_of(known, [&](const auto* map) { return map->GoneBy() > folder.at; })) {
+      // The file of a map that has expired goes a moment later.
+      constexpr Time kMoment = 2'000'000;
+      const auto may_be_there = [&](const KnownMap* map) {
+        return map->GoneBy() + (map->expires != 0 ? kMoment : 0) > folder.at;
+      };
+      if (std::ranges::none_of(known, may_be_there)) {
         Say("folder", "{}@{} has a file and should not be there", name, version);
       }
     }

@@ -300,8 +300,8 @@ TEST(CheckerTest, TheFolderHoldsTheMapsThatAreThere) {
   story.Build("a", kFirst, Outcome::kOk, 1);
   story.Build("b", kSecond, Outcome::kOk, 2);
   story.Delete(1, Outcome::kOk);
-  Folder& folder = story.history().folder;
-  folder = {.looked = true, .at = story.now() + 1, .files = {"map@2.tlmap"}};
+  story.history().folders = {{.at = story.now() + 1, .files = {"map@2.tlmap"}}};
+  Folder& folder = story.history().folders.front();
   EXPECT_THAT(story.Broken(), IsEmpty());
   for (const std::vector<std::string>& files : {std::vector<std::string>{},
                                                 {"map@1.tlmap", "map@2.tlmap"},

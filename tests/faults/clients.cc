@@ -63,7 +63,11 @@ Outcome ToOutcome(const absl::Status& status) {
   }
 }
 
-std::string Told(const absl::Status& status) { return status.ok() ? "" : status.ToString(); }
+std::string Told(const absl::Status& status) {
+  if (status.ok()) return {};
+  return fmt::format("{}: {}", absl::StatusCodeToString(status.code()),
+                     std::string(status.message()));
+}
 
 std::string NameOf(std::uint32_t number) { return fmt::format("map{}", number % kNameCount); }
 

@@ -74,13 +74,23 @@ std::optional<Damage> Disk::DamageOne(std::mt19937& random) {
     return std::nullopt;
   }
   const auto offset = static_cast<off_t>(random() % static_cast<std::uint64_t>(status.st_size));
-  if (random() % 3 == 0) {
-    (void)!ftruncate(handle, offset);
-  } else {
-    char byte = 0;
-    (void)!pread(handle, &byte, 1, offset);
-    byte = static_cast<char>(byte ^ (1 << random() % 8));
-    (void)!pwrite(handle, &byte, 1, offset);
+  switch (random() % 3) {
+    case 0:
+      (void)!ftruncate(handle, offset);
+      break;
+    case 1: {
+      char byte = 0;
+      (void)!pread(handle, &byte, 1, offset);
+      byte = static_cast<char>(byte ^ (1 << random() % 8));
+      (void)!pwrite(handle, &byte, 1, offset);
+      break;
+    }
+    default: {
+      // As of a page that was never written.
+      const std::string zeros(std::min<std::size_t>(4096, status.st_size - offset), '\0');
+      (void)!pwrite(handle, zeros.data(), zeros.size(), offset);
+      break;
+    }
   }
   close(handle);
   return damage;

@@ -28,8 +28,8 @@ class Disk {
   void Fill(std::uint64_t bytes_left);
   void Free();
 
-  /// Changes one bit of a map's file, or cuts its end off. The times are the caller's to fill in;
-  /// none where no file could be opened.
+  /// Changes one bit of a map's file, makes a stretch of it zeros, or cuts its end off. The times
+  /// are the caller's to fill in; none where no file could be opened.
   std::optional<Damage> DamageOne(std::mt19937& random);
 
   std::vector<std::string> Files() const;

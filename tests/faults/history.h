@@ -117,9 +117,8 @@ struct Quiet {
   double resident_bytes = 0;  ///< of the process
 };
 
-/// What the data folder holds after the last life.
+/// What the data folder holds when no call has been open for a while.
 struct Folder {
-  bool looked = false;
   Time at = 0;
   std::vector<std::string> files{};
 };
@@ -133,7 +132,7 @@ struct History {
   std::vector<Damage> damages{};
   std::vector<Disturbance> cuts, full_disks;
   std::vector<Quiet> quiets{};
-  Folder folder;
+  std::vector<Folder> folders{};
   double resident_limit = kNever;  ///< bytes that the process may have at most
 };
 

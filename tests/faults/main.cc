@@ -29,7 +29,7 @@ int Main(int argc, const char* const* argv) {
       ->check(CLI::Range(1, 86'400));
   app.add_option("--seed", options.seed, "Of all that is drawn; else a fresh one");
   std::string history_file;
-  app.add_option("--history", history_file, "File for what happened, where a promise was not kept");
+  app.add_option("--history", history_file, "File for what happened, a line an event");
   CLI11_PARSE(app, argc, argv);
   options.length = std::chrono::seconds(seconds);
 
@@ -47,6 +47,7 @@ int Main(int argc, const char* const* argv) {
     report = Run(options, disk, folder);
   }
   std::filesystem::remove_all(folder);
+  if (!history_file.empty()) std::ofstream(history_file) << report.history;
   fmt::print("{}\n", report.summary);
   constexpr std::size_t kShown = 20;
   for (std::size_t i = 0; i < report.violations.size() && i < kShown; ++i) {
@@ -56,7 +57,6 @@ int Main(int argc, const char* const* argv) {
     fmt::print("nothing was lost\n");
     return 0;
   }
-  if (!history_file.empty()) std::ofstream(history_file) << report.history;
   fmt::print("{} promises not kept; again with --seed {}\n", report.violations.size(),
              options.seed);
   return 1;

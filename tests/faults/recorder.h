@@ -33,10 +33,7 @@ class Recorder {
   void Add(Quiet quiet) { Append(history_.quiets, quiet); }
   void AddCut(Disturbance cut) { Append(history_.cuts, cut); }
   void AddFullDisk(Disturbance full) { Append(history_.full_disks, full); }
-  void Set(Folder folder) {
-    const std::lock_guard lock(mutex_);
-    history_.folder = std::move(folder);
-  }
+  void Add(Folder folder) { Append(history_.folders, std::move(folder)); }
 
   /// What was written down; nobody writes meanwhile.
   History& history() { return history_; }

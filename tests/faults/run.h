@@ -21,7 +21,7 @@ struct RunOptions {
 struct RunReport {
   std::vector<Violation> violations;
   std::string summary;  ///< how many calls, kills and faults there were
-  std::string history;  ///< as text, where a promise was not kept
+  std::string history;  ///< as text, what happened
 };
 
 /// Starts servers on `disk`, one after the other, lets clients work on them, and does to both what
