@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the Debian 12 packages that Treelight is built from, those that are missing; setup.sh fuzz: those of the fuzzers
-# too. Needs root or sudo for that, and nothing where all are there.
+# too; setup.sh nginx: nginx for replicas_test, which Debian starts and enables where an init system runs. Needs root or
+# sudo for that, and nothing where all are there.
 set -euo pipefail
 
 packages=(
@@ -14,6 +15,7 @@ packages=(
   dpkg-dev file help2man openssl
 )
 [ "${1:-}" != fuzz ] || packages+=(clang-16 libclang-rt-16-dev)
+[ "${1:-}" != nginx ] || packages+=(nginx)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -191,7 +191,7 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
   // All batches go to one version: the newest of now.
   MapRef pinned = map;
   if (ranges.empty() || (map.version == 0 && !unary)) {
-    const auto found = GetPhotonMap(map);
+    const auto found = impl_->Describe(map, deadline);
     if (!found.ok()) return found.status();
     if (ranges.empty()) return Nothing(*found, options);
     pinned.version = found->version();
@@ -200,7 +200,6 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
   auto answer = unary ? GatherUnary(*impl_->stub, map, queries, options, deadline)
                       : GatherRanges(*impl_->stub, pinned, queries, options, ranges, deadline);
   if (answer.ok()) return answer;
-  impl_->ForgetLimits();
   // The newest was deleted meanwhile: another one is it now, or none.
   if (absl::IsNotFound(answer.status()) && pinned.version != map.version) {
     return GatherOnce(map, queries, options, deadline);

@@ -30,22 +30,34 @@ void PhotonMapClient::SetRetryPatience(std::chrono::milliseconds patience) {
 std::chrono::milliseconds PhotonMapClient::RetryPatience() const { return impl_->retry_patience; }
 
 absl::StatusOr<v1::ServerInfo> PhotonMapClient::GetServerInfo() {
-  return impl_->Call(&v1::PhotonMapService::Stub::GetServerInfo, v1::GetServerInfoRequest(),
-                     impl_->NextDeadline());
+  const Deadline deadline = impl_->NextDeadline();
+  return impl_->Repeat(deadline, [&] {
+    return impl_->Call(&v1::PhotonMapService::Stub::GetServerInfo, v1::GetServerInfoRequest(),
+                       deadline);
+  });
 }
 
 absl::StatusOr<std::vector<v1::PhotonMap>> PhotonMapClient::ListPhotonMaps() {
-  auto response = impl_->Call(&v1::PhotonMapService::Stub::ListPhotonMaps,
-                              v1::ListPhotonMapsRequest(), impl_->NextDeadline());
+  const Deadline deadline = impl_->NextDeadline();
+  auto response = impl_->Repeat(deadline, [&] {
+    return impl_->Call(&v1::PhotonMapService::Stub::ListPhotonMaps, v1::ListPhotonMapsRequest(),
+                       deadline);
+  });
   if (!response.ok()) return response.status();
   return std::vector<v1::PhotonMap>(response->maps().begin(), response->maps().end());
 }
 
 absl::StatusOr<v1::PhotonMap> PhotonMapClient::GetPhotonMap(const MapRef& map) {
+  const Deadline deadline = impl_->NextDeadline();
+  return impl_->Repeat(deadline, [&] { return impl_->Describe(map, deadline); });
+}
+
+absl::StatusOr<v1::PhotonMap> PhotonMapClient::Impl::Describe(const MapRef& map,
+                                                              Deadline deadline) {
   v1::GetPhotonMapRequest request;
   request.set_name(map.name);
   request.set_version(map.version);
-  return impl_->Call(&v1::PhotonMapService::Stub::GetPhotonMap, request, impl_->NextDeadline());
+  return Call(&v1::PhotonMapService::Stub::GetPhotonMap, request, deadline);
 }
 
 absl::StatusOr<std::uint32_t> PhotonMapClient::DeletePhotonMap(const MapRef& map) {

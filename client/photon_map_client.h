@@ -68,10 +68,15 @@ struct GatherAnswer {
 /// Every call returns the server's status: the code and message that photon_map.proto documents;
 /// UNAVAILABLE where no server answers. `timeout` bounds each call; zero means none.
 ///
-/// A server that has no room at present refuses with RESOURCE_EXHAUSTED and says when to repeat.
-/// BuildPhotonMap, RebuildPhotonMap and Gather then wait and repeat by themselves, as long as the
-/// timeout allows and at most RetryPatience() together; GatherPipeline does not. The last refusal is returned; its
-/// message has the limit, what was asked and when to repeat.
+/// A server that has no room at present refuses with RESOURCE_EXHAUSTED and says when to repeat;
+/// one that ends, or is not there, makes calls break. All calls but DeletePhotonMap then wait and
+/// repeat by themselves, as long as the timeout allows and at most RetryPatience() together, what
+/// breaks four times within about a second; GatherPipeline does not. Builds have a request id,
+/// which makes that safe. The last error is returned; a refusal has the limit, what was asked and
+/// when to repeat.
+///
+/// Every call tells of which map it is (metadata x-treelight-map), by which a balancer chooses one
+/// of several servers: docs/replicas.md.
 class PhotonMapClient {
  public:
   /// `target` as gRPC takes it, "127.0.0.1:7543" or "unix:/run/treelight.sock", reached as

@@ -58,18 +58,23 @@ struct PhotonMapClient::Impl {
     return response;
   }
 
-  /// Makes `attempt` until it is no refusal that is worth a repeat.
+  /// Makes `attempt` until it is neither a refusal nor a break that is worth a repeat. For calls
+  /// that may be made twice: those that change nothing, or have a request id.
   template <typename Attempt>
   auto Repeat(Deadline deadline, Attempt attempt) {
     RetryPolicy policy(deadline, retry_patience);
     while (true) {
       auto result = attempt();
       if (result.ok()) return result;
+      ForgetLimits();
       const auto pause = policy.NextPause(result.status());
       if (!pause) return result;
       std::this_thread::sleep_for(*pause);
     }
   }
+
+  /// GetPhotonMap, asked once.
+  absl::StatusOr<v1::PhotonMap> Describe(const MapRef& map, Deadline deadline);
 
   /// The server's limits, asked for once; a limit that the server does not tell has its documented
   /// value.

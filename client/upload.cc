@@ -12,7 +12,6 @@ namespace treelight::client {
 namespace {
 
 constexpr std::uint64_t kMaxChunkBytes = 1 << 20;  // of arrays, where the server allows more
-constexpr int kAttemptCount = 2;
 
 std::string RandomId() {
   std::random_device random;
@@ -104,36 +103,22 @@ absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& st
   return Checked(call.Finish());
 }
 
-/// Makes `attempt` again where the connection broke, which leaves open whether the map was built;
-/// the request id makes it safe to ask again.
-template <typename Attempt, typename Forget>
-absl::StatusOr<v1::BuildPhotonMapResponse> Insist(Attempt attempt, Forget forget_limits) {
-  for (int count = 1;; ++count) {
-    auto response = attempt();
-    if (response.ok()) return response;
-    forget_limits();
-    if (!absl::IsUnavailable(response.status()) || count == kAttemptCount) return response;
-  }
-}
-
 }  // namespace
 
 absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::BuildPhotonMap(
     const std::string& name, const Photons& photons, const UploadOptions& options) {
   if (const auto status = CheckLengths(photons); !status.ok()) return status;
   const Deadline deadline = impl_->NextDeadline();
-  const auto limits = impl_->GetLimits(deadline);
-  if (!limits.ok()) return limits.status();
   const auto header = MakeHeader(name, photons, options,
                                  options.request_id.empty() ? RandomId() : options.request_id);
-  return Insist(
-      [&] {
-        return impl_->Repeat(deadline, [&] {
-          return Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options,
-                        deadline);
-        });
-      },
-      [&] { impl_->ForgetLimits(); });
+  // A call that broke leaves open whether the map was built: its id makes it safe to ask again.
+  using Response = absl::StatusOr<v1::BuildPhotonMapResponse>;
+  return impl_->Repeat(deadline, [&]() -> Response {
+    const auto limits = impl_->GetLimits(deadline);
+    if (!limits.ok()) return limits.status();
+    return Upload(*impl_->stub, header, photons, PhotonsPerChunk(photons, *limits), options,
+                  deadline);
+  });
 }
 
 absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::RebuildPhotonMap(
@@ -146,14 +131,9 @@ absl::StatusOr<v1::BuildPhotonMapResponse> PhotonMapClient::RebuildPhotonMap(
   *request.mutable_options() = options.build;
   request.set_time_to_live_ms(Milliseconds(options.time_to_live));
   request.set_request_id(options.request_id.empty() ? RandomId() : options.request_id);
-  return Insist(
-      [&] {
-        return impl_->Repeat(deadline, [&] {
-          return Checked(
-              impl_->Call(&v1::PhotonMapService::Stub::RebuildPhotonMap, request, deadline));
-        });
-      },
-      [&] { impl_->ForgetLimits(); });
+  return impl_->Repeat(deadline, [&] {
+    return Checked(impl_->Call(&v1::PhotonMapService::Stub::RebuildPhotonMap, request, deadline));
+  });
 }
 
 }  // namespace treelight::client
