@@ -81,7 +81,8 @@ void Batch::GatherSlice(const Done& done) {
         if (!turn.ok()) return done(turn);
         const Stopwatch held;
         const auto status = call_.Explain(Guard([this] { return Gather(); }));
-        record_.device_us = record_.device_us.value_or(0) + held.microseconds();
+        slice_us_ = held.microseconds();
+        record_.device_us = record_.device_us.value_or(0) + slice_us_;
         done(status);
       },
       {.work = Work::Gather(batch_.options.k, slice_.last - slice_.first),
@@ -145,8 +146,11 @@ absl::Status Batch::AdmitAnswer() {
   return TakeMemory(Holder::kAnswers, HeldBytes(slice_size_), answer_memory_);
 }
 
-/// The client has taken a slice: the next is twice as large, where there is memory for it.
+/// The client has taken a slice: the next is twice as large, where there is memory for it and it
+/// does not keep others from the device for long.
 void Batch::GrowSlice() {
+  constexpr double kLongestUs = 100'000;
+  if (2 * slice_us_ > kLongestUs) return;
   const std::uint64_t largest = state_.options.limits.max_slice_bytes / QueryBytes();
   const std::uint64_t grown = std::min<std::uint64_t>({2 * slice_size_, largest, batch_.size()});
   if (grown <= slice_size_) return;

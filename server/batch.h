@@ -27,7 +27,8 @@ enum class AnswerForm {
 /// A batch of a stream with k > 0 is gathered in slices, the next once the parts of the last are
 /// written, so that a client that reads slowly makes the server hold one slice and not all. The
 /// first is as large as a part and each further one twice as large as the one before, up to
-/// Limits::max_slice_bytes: one that does not read at all has little of the device.
+/// Limits::max_slice_bytes and 100 ms of the device: one that does not read at all has little of
+/// it, and nobody waits long for one that runs.
 class Batch {
  public:
   /// How a step has ended; called exactly once, with nothing held and not always on another thread.
@@ -83,6 +84,7 @@ class Batch {
   GatherBatch batch_;
   std::size_t slice_size_ = 0;  // queries
   Slice slice_;                 // what result_ answers
+  double slice_us_ = 0;         // of the device, for slice_
   GatherResult result_;
   std::size_t next_query_ = 0;  // in no part yet
 };

@@ -234,14 +234,14 @@ TEST_F(ServiceAdmissionTest, AnAnswerOverTheMemoryLimitIsRefusedAndGivenBack) {
 TEST_F(ServiceAdmissionTest, SlicesGrowAsTheyAreTaken) {
   StartGated();
   GatherLongAnswer();
-  EXPECT_LE(gate_->gathers, 1 + 1 + 1 + 1 + 3);  // of 1, 2, 4, 8 and 16 MiB
+  EXPECT_LT(gate_->gathers, 25);  // 7, of 1, 2, 4, 8 and 16 MiB, where each takes little time
 }
 
 TEST_F(ServiceAdmissionTest, SlicesStaySmallWhereMemoryIsShort) {
   options_.memory_limit = 5 << 20;
   StartGated();
   GatherLongAnswer();
-  EXPECT_GT(gate_->gathers, 20);
+  EXPECT_GT(gate_->gathers, 25);  // 32, of 2 MiB
 }
 
 TEST_F(ServiceAdmissionTest, ListsWithoutACapArePaidForByTheirLength) {
