@@ -21,7 +21,8 @@ using std::chrono_literals::operator""ms;
 using std::chrono_literals::operator""s;
 
 constexpr std::uint32_t kClients = 4;
-constexpr const char* kStall = "1";  // seconds, after which those that stand still go
+constexpr const char* kStall = "1";   // seconds, after which those that stand still go
+constexpr const char* kDrain = "10";  // seconds
 constexpr const char* kMemoryLimit = "256MiB";
 constexpr double kResidentLimit = 1024.0 * (1 << 20);  // that, the OpenCL compiler, the buffers
 
@@ -72,9 +73,10 @@ class Runner {
     auto server = std::make_unique<ServerLife>(
         recorder_,
         std::vector<std::string>{options_.server, "--listen", "127.0.0.1:0", "--metrics-listen",
-                                 "127.0.0.1:0", "--data-dir", disk_.path(), "--stall-seconds",
-                                 kStall, "--memory-limit", kMemoryLimit, "--max-photons",
-                                 std::to_string(kMaxPhotons), "--log-file", folder_ + "/log"},
+                                 "127.0.0.1:0", "--data-dir", disk_.path(), "--drain-seconds",
+                                 kDrain, "--stall-seconds", kStall, "--memory-limit", kMemoryLimit,
+                                 "--max-photons", std::to_string(kMaxPhotons), "--log-file",
+                                 folder_ + "/log"},
         folder_);
     if (!server->ready()) {
       Judge();
@@ -103,7 +105,7 @@ class Runner {
         return false;
       }
       constexpr int kLivesPerLook = 2;
-      if (life % kLivesPerLook == kLivesPerLook - 1) LookWhenQuiet(*server);
+      if (life % kLivesPerLook == 0) LookWhenQuiet(*server);
       if (random_() % 4 == 0) EndGently(*server);
     }
     server->End(SIGKILL);
@@ -156,7 +158,7 @@ class Runner {
   /// Lets nobody ask, until the server should hold nothing; then looks at what was.
   void LookWhenQuiet(ServerLife& server) {
     gate_.Close();
-    const auto patience = std::chrono::steady_clock::now() + 15s;
+    const auto patience = std::chrono::steady_clock::now() + 8s;
     std::optional<Quiet> quiet;
     do {
       std::this_thread::sleep_for(50ms);

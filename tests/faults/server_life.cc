@@ -102,7 +102,7 @@ void ServerLife::End(int signal) {
   life_.signal = signal;
   kill(pid_, signal);
   if (signal != SIGKILL) {
-    const auto patience = std::chrono::steady_clock::now() + 60s;
+    const auto patience = std::chrono::steady_clock::now() + 30s;
     while (std::chrono::steady_clock::now() < patience) {
       if (Reap(WNOHANG)) return;
       std::this_thread::sleep_for(2ms);
