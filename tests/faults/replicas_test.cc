@@ -123,6 +123,40 @@ class Nginx {
   std::unique_ptr<Process> process_;
 };
 
+/// The text of nginx.conf in docker/kubernetes.yaml.
+std::string ManifestConfiguration() {
+  std::istringstream manifest(ReadText(TREELIGHT_KUBERNETES));
+  std::string text;
+  bool inside = false;
+  for (std::string line; std::getline(manifest, line);) {
+    if (line == "---") inside = false;
+    if (inside) text += (line.empty() ? line : line.substr(4)) + "\n";
+    if (line == "  nginx.conf: |") inside = true;
+  }
+  return text;
+}
+
+/// docker/nginx.conf with the lines for TLS, as its comments say.
+std::string ConfigurationWithTls() {
+  std::istringstream file(ReadText(TREELIGHT_NGINX_CONF));
+  std::string text;
+  for (std::string line; std::getline(file, line);) {
+    if (line.ends_with(" listen 7543 http2;") || line.ends_with(" grpc_pass grpc://treelight;") ||
+        line.find("in place of") != std::string::npos) {
+      continue;
+    }
+    const std::size_t mark = line.find("#   ");
+    if (mark != std::string::npos) line.erase(mark, 4);
+    text += line + "\n";
+  }
+  return text;
+}
+
+TEST(KubernetesTest, ItsNginxIsThatOfTheFileWithTls) {
+  EXPECT_EQ(ManifestConfiguration(), ConfigurationWithTls());
+  EXPECT_THAT(ManifestConfiguration(), ::testing::HasSubstr("grpc_ssl_verify on;"));
+}
+
 class ReplicasTest : public ::testing::Test {
  protected:
   /// What a server has logged.
