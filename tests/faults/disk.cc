@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
+#include <fstream>
 #include <system_error>
 #include <utility>
 
@@ -20,12 +21,23 @@ namespace {
 
 constexpr const char* kFiller = "/filler";
 
+/// Mounts of its own for this process: root may have them, and others as roots of a namespace of
+/// users, in which they are who they were.
+bool OwnMounts() {
+  if (unshare(CLONE_NEWNS) == 0) return true;
+  const auto user = getuid(), group = getgid();
+  if (unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0) return false;
+  std::ofstream("/proc/self/setgroups") << "deny";
+  std::ofstream("/proc/self/uid_map") << fmt::format("{} {} 1", user, user);
+  std::ofstream("/proc/self/gid_map") << fmt::format("{} {} 1", group, group);
+  return true;
+}
+
 }  // namespace
 
 Disk::Disk(std::string path, std::uint64_t bytes) : path_(std::move(path)) {
   std::filesystem::create_directories(path_);
-  // Root has mounts of its own; others where users may have namespaces.
-  if (unshare(CLONE_NEWNS) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0) return;
+  if (!OwnMounts()) return;
   mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr);
   const std::string size = fmt::format("size={},mode=0700", bytes);
   small_ = mount("none", path_.c_str(), "tmpfs", 0, size.c_str()) == 0;
