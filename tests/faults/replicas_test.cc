@@ -68,11 +68,14 @@ std::string ReadText(const std::string& file) {
   return text.str();
 }
 
-/// nginx with docker/nginx.conf, but for addresses and paths.
+/// nginx with `configuration`, but for addresses and paths.
 class Nginx {
  public:
-  Nginx(const std::string& folder, std::vector<std::string> servers)
-      : folder_(folder), servers_(std::move(servers)), port_(FreePort()) {
+  Nginx(const std::string& folder, std::vector<std::string> servers, std::string configuration)
+      : folder_(folder),
+        servers_(std::move(servers)),
+        configuration_(std::move(configuration)),
+        port_(FreePort()) {
     Configure(kServerCount);
     // The program's own name and what follows it come last, which sh takes no notice of.
     process_ = std::make_unique<Process>(
@@ -88,9 +91,21 @@ class Nginx {
   std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
   std::string err() const { return process_->err(); }
 
+  /// Waits until it takes connections.
   bool WaitUntilReady() const {
-    const auto channel = grpc::CreateChannel(address(), grpc::InsecureChannelCredentials());
-    return channel->WaitForConnected(std::chrono::system_clock::now() + 20s);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_port = htons(static_cast<std::uint16_t>(port_));
+    const auto end = std::chrono::steady_clock::now() + 20s;
+    bool connected = false;
+    while (!connected && std::chrono::steady_clock::now() < end) {
+      const int handle = socket(AF_INET, SOCK_STREAM, 0);
+      connected = connect(handle, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
+      close(handle);
+      if (!connected) std::this_thread::sleep_for(10ms);
+    }
+    return connected;
   }
 
   /// Takes a server out, kServerCount for none, as an operator does before a drain.
@@ -102,8 +117,10 @@ class Nginx {
  private:
   std::string file() const { return folder_ + "/nginx.conf"; }
   void Configure(std::size_t out) const {
-    std::string text = ReadText(TREELIGHT_NGINX_CONF);
+    std::string text = configuration_;
     Replace(text, "/tmp/", folder_ + "/");
+    const std::string tls = "/etc/treelight/tls/";
+    if (text.find(tls) != std::string::npos) Replace(text, tls, folder_ + "/");
     Replace(text, "/dev/stdout", folder_ + "/calls.log");
     Replace(text, "listen 7543", "listen " + address());
     Replace(text, "worker_processes auto", "worker_processes 2");
@@ -119,6 +136,7 @@ class Nginx {
 
   const std::string folder_;
   const std::vector<std::string> servers_;
+  const std::string configuration_;
   const int port_;
   std::unique_ptr<Process> process_;
 };
@@ -176,15 +194,18 @@ class ReplicasTest : public ::testing::Test {
     std::string folder = std::filesystem::temp_directory_path() / "treelight_nginx_XXXXXX";
     folder_ = mkdtemp(folder.data());
     std::filesystem::permissions(folder_, std::filesystem::perms(0755));  // for nginx's workers
+    Prepare();
     std::vector<std::string> addresses;
     for (std::size_t i = 0; i < kServerCount; ++i) {
       Start(i, "127.0.0.1:0");
       addresses_.push_back(servers_[i]->WaitUntilReady());
       ASSERT_FALSE(addresses_.back().empty()) << servers_[i]->err();
     }
-    nginx_ = std::make_unique<Nginx>(folder_, addresses_);
+    nginx_ = std::make_unique<Nginx>(folder_, addresses_, Configuration());
     ASSERT_TRUE(nginx_->WaitUntilReady()) << nginx_->err();
-    client_ = std::make_unique<PhotonMapClient>(nginx_->address(), 20s);
+    auto client = PhotonMapClient::Connect(nginx_->address(), Connection(), 20s);
+    ASSERT_TRUE(client.ok()) << client.status();
+    client_ = *std::move(client);
     for (std::size_t i = 0; i < kMapCount; ++i) {
       photons_.push_back(MakePhotons(200 + 10 * i, static_cast<std::uint32_t>(i)));
       const auto built = client_->BuildPhotonMap(MapName(i), photons_[i],
@@ -201,11 +222,19 @@ class ReplicasTest : public ::testing::Test {
     if (!folder_.empty()) std::filesystem::remove_all(folder_);
   }
 
+  /// What differs where the servers want TLS and tokens.
+  virtual void Prepare() {}
+  virtual std::vector<std::string> MoreArguments() const { return {}; }
+  virtual std::string Configuration() const { return ReadText(TREELIGHT_NGINX_CONF); }
+  virtual client::ConnectionOptions Connection() const { return {}; }
+
   void Start(std::size_t i, const std::string& address) {
+    std::vector<std::string> arguments = {
+        "--listen",   address,    "--data-dir",    folder_ + "/maps",
+        "--log-file", LogFile(i), "--drain-delay", std::to_string(kDrainDelay / 1s)};
+    for (const std::string& argument : MoreArguments()) arguments.push_back(argument);
     servers_.resize(kServerCount);
-    servers_[i] = std::make_unique<Process>(
-        std::vector<std::string>{"--listen", address, "--data-dir", folder_ + "/maps", "--log-file",
-                                 LogFile(i), "--drain-delay", std::to_string(kDrainDelay / 1s)});
+    servers_[i] = std::make_unique<Process>(arguments);
   }
   std::string LogFile(std::size_t i) const { return folder_ + "/log" + std::to_string(i); }
 
@@ -417,6 +446,54 @@ TEST_F(ReplicasTest, AServerThatNginxLeavesOutBeforeItsDrainRefusesNothing) {
   EXPECT_THAT(failures, ::testing::IsEmpty());
   for (const Line& line : Log(kDrained, before[kDrained])) EXPECT_EQ(line.code, "OK");
   std::cout << load.calls() << " calls, " << failures.size() << " failed\n";
+}
+
+/// With TLS on both sides of nginx, by the configuration of the manifest, and tokens.
+class SecureReplicasTest : public ReplicasTest {
+ protected:
+  void Prepare() override {
+    ASSERT_EQ(
+        std::system(("openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 "
+                     "-nodes -days 2 -subj /CN=treelight "
+                     "-addext subjectAltName=DNS:treelight,IP:127.0.0.1 -keyout " +
+                     folder_ + "/tls.key -out " + folder_ + "/tls.crt 2>" + folder_ + "/openssl")
+                        .c_str()),
+        0)
+        << ReadText(folder_ + "/openssl");
+    std::filesystem::copy_file(folder_ + "/tls.crt", folder_ + "/ca.crt");
+    Process token({"token", "renderer", "--token-file", folder_ + "/tokens"});
+    ASSERT_EQ(token.Wait(), 0) << token.err();
+    std::ofstream(folder_ + "/renderer.token") << token.out();
+  }
+  std::vector<std::string> MoreArguments() const override {
+    return {"--tls-cert",         folder_ + "/tls.crt", "--tls-key",
+            folder_ + "/tls.key", "--token-file",       folder_ + "/tokens"};
+  }
+  std::string Configuration() const override { return ManifestConfiguration(); }
+  client::ConnectionOptions Connection() const override {
+    return {.transport = client::Transport::kTls,
+            .tls_ca = folder_ + "/ca.crt",
+            .token_file = folder_ + "/renderer.token"};
+  }
+};
+
+TEST_F(SecureReplicasTest, TlsAndTokensWorkThroughNginx) {
+  for (std::size_t i = 0; i < kMapCount; ++i) {
+    const auto lengths = LogLengths();
+    EXPECT_EQ(Check(*client_, i), absl::OkStatus());
+    EXPECT_EQ(Owners(lengths)[MapName(i)].size(), 1u);
+  }
+  auto connection = Connection();
+  connection.token_file.clear();
+  const auto stranger = PhotonMapClient::Connect(nginx_->address(), connection, 20s);
+  ASSERT_TRUE(stranger.ok());
+  EXPECT_TRUE(absl::IsUnauthenticated(Check(**stranger, 0)));
+  auto arguments = MoreArguments();
+  arguments.resize(4);
+  arguments.insert(arguments.begin(), {"--listen", addresses_[0]});
+  arguments.push_back("healthcheck");
+  Process health(arguments);  // as the probes do
+  EXPECT_EQ(health.Wait(), 0) << health.err();
 }
 
 }  // namespace
