@@ -244,6 +244,18 @@ TEST(CheckerTest, ARequestMakesOneMap) {
   again.Delete(1, Outcome::kOk);
   again.Build("a", kFirst, Outcome::kOk, 2);
   EXPECT_THAT(again.Broken(), IsEmpty());
+  // The connection broke after the first had built, and what it built was deleted before the client
+  // library asked again.
+  Story cut;
+  cut.Lists({});
+  const Time start = cut.now();
+  cut.Lists({{1, 50}});
+  cut.Delete(0, Outcome::kOk);
+  BuildTry& build = cut.Build("a", kFirst, Outcome::kOk, 2);
+  build.start = start;
+  EXPECT_THAT(cut.Broken(), ElementsAre("refused"));
+  cut.history().cuts.push_back({start + 1, start + 2});
+  EXPECT_THAT(cut.Broken(), IsEmpty());
   Story other;
   other.Build("a", kFirst, Outcome::kOk, 1).photon_count = 60;
   EXPECT_THAT(other.Broken(), ElementsAre("request id"));

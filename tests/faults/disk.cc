@@ -86,7 +86,7 @@ std::optional<Damage> Disk::DamageOne(std::mt19937& random) {
     return std::nullopt;
   }
   const auto offset = static_cast<off_t>(random() % static_cast<std::uint64_t>(status.st_size));
-  switch (random() % 3) {
+  switch (random() % 5) {
     case 0:
       (void)!ftruncate(handle, offset);
       break;

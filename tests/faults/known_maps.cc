@@ -53,10 +53,9 @@ void KnownMaps::CollectRequests() {
     request.photons = build.photons;
     request.time_to_live = build.time_to_live;
     request.tries.push_back(&build);
-    // The client library repeats a build whose connection broke: a refusal may be that of a
-    // repeat.
-    const bool unknown = build.outcome == Outcome::kUnknown ||
-                         (build.outcome != Outcome::kOk && Disturbed(build.start, build.end));
+    // The client library repeats a build whose connection broke: what it tells may be of a repeat,
+    // and the first may have built too.
+    const bool unknown = build.outcome == Outcome::kUnknown || Disturbed(build.start, build.end);
     if (unknown && !build.must_be_refused) request.unknown.push_back(&build);
   }
   for (const auto& [id, request] : requests_) {

@@ -21,7 +21,7 @@ struct Request {
   PhotonSet photons;
   Time time_to_live = 0;
   std::vector<const BuildTry*> tries;
-  /// Of the tries whose end nobody knows: they may have built.
+  /// Of the tries, those that may have built without that anybody was told.
   std::vector<const BuildTry*> unknown;
 };
 
