@@ -40,7 +40,7 @@ containers=()
 clean_up() {
   [ ${#containers[@]} -eq 0 ] || engine rm -fv "${containers[@]}"
   [ -z "${composed:-}" ] || uncompose
-  [ -z "${played:-}" ] || podman kube down "$played"
+  [ -z "${played:-}" ] || unplay
   rm -rf "$folder"
 } >/dev/null 2>&1
 trap clean_up EXIT
@@ -59,6 +59,7 @@ else
   engine=podman
   need podman podman
   need buildah buildah
+  need catatonit catatonit # of pods
   need podman-compose podman-compose golang-github-containernetworking-plugin-dnsname
   compose() { podman-compose -p "$project" -f docker/compose.yaml "$@"; }
 fi
@@ -222,32 +223,84 @@ composed=
 
 say 'TLS and tokens'
 need openssl openssl
+# make_certificate PREFIX NAME: PREFIX.crt and PREFIX.key for NAME.
+make_certificate() {
+  openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=treelight \
+    -addext "subjectAltName=DNS:$2" -keyout "$1.key" -out "$1.crt" 2>"$folder/openssl.log" ||
+    { cat "$folder/openssl.log" >&2; fail 'openssl makes no certificate'; }
+  chmod 644 "$1.key" # for the user of the container; the folder around it is ours alone
+}
+# make_token FOLDER: FOLDER/tokens, which knows the token in the client's folder.
+make_token() {
+  engine run --rm --user "$(id -u):$(id -g)" -v "$1:/secrets" treelight token renderer --token-file /secrets/tokens \
+    >"$folder/work/token"
+  chmod 644 "$1/tokens"
+}
 secrets=$folder/secrets
 mkdir "$secrets"
-(
-  cd "$secrets"
-  openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=treelight \
-    -addext 'subjectAltName=DNS:localhost' -keyout server.key -out server.pem
-) 2>"$folder/openssl.log" || { cat "$folder/openssl.log" >&2; fail 'openssl makes no certificate'; }
-engine run --rm --user "$(id -u):$(id -g)" -v "$secrets:/secrets" treelight \
-  token renderer --token-file /secrets/tokens >"$folder/work/token"
-chmod 644 "$secrets"/* # for the user of the container; the folder around it is ours alone
+make_certificate "$secrets/server" localhost
+make_token "$secrets"
 secured=$project-secured
 containers+=("$secured")
 # Not even podman's folders in memory: a read-only root and the volumes.
 strict=(--read-only --cap-drop ALL --security-opt no-new-privileges)
 [ "$engine" = docker ] || strict+=(--read-only-tmpfs=false)
 engine run -d --name "$secured" "${strict[@]}" -v "$secrets:/secrets:ro" -v "$folder/work:/work:ro" \
-  -e TREELIGHT_TLS_CERT=/secrets/server.pem -e TREELIGHT_TLS_KEY=/secrets/server.key \
+  -e TREELIGHT_TLS_CERT=/secrets/server.crt -e TREELIGHT_TLS_KEY=/secrets/server.key \
   -e TREELIGHT_TOKEN_FILE=/secrets/tokens treelight >/dev/null
 wait_healthy "$secured"
-engine exec "$secured" treelight --server localhost:7543 --tls-ca /secrets/server.pem --token-file /work/token info \
+engine exec "$secured" treelight --server localhost:7543 --tls-ca /secrets/server.crt --token-file /work/token info \
   >"$folder/info.log" 2>&1 || { cat "$folder/info.log" >&2; fail 'a client with a token is not answered'; }
-! engine exec "$secured" treelight --server localhost:7543 --tls-ca /secrets/server.pem info >"$folder/info.log" 2>&1 ||
+! engine exec "$secured" treelight --server localhost:7543 --tls-ca /secrets/server.crt info >"$folder/info.log" 2>&1 ||
   fail 'a client without a token is answered'
 expect 'a client without a token' 'token' "$folder/info.log"
 echo 'healthy through TLS, without one writable folder but the volumes; a client with a token is answered, one without is not'
 engine rm -fv "$secured" >/dev/null
+
+# ---- kubernetes.yaml
+
+unplay() {
+  [ -n "${played:-}" ] || return 0
+  engine kube down "$folder/pods.yaml"
+  podman volume ls -q | grep "^$project-" | xargs -r podman volume rm -f
+  podman network rm -f "$project-pods"
+  played=
+} >/dev/null 2>&1
+
+if [ "$engine" = podman ]; then
+  say 'kubernetes.yaml, as far as podman can: three servers on one folder of maps, nginx, TLS and tokens'
+  build nginx treelight-nginx
+  secrets=$folder/pods
+  mkdir -p "$secrets/treelight-tls" "$secrets/treelight-tokens"
+  make_certificate "$secrets/treelight-tls/tls" treelight
+  cp "$secrets/treelight-tls/tls.crt" "$secrets/treelight-tls/ca.crt"
+  make_token "$secrets/treelight-tokens"
+  docker/play.py "$secrets" "$project-" treelight-nginx <docker/kubernetes.yaml >"$folder/pods.yaml"
+  played=yes
+  podman network create "$project-pods" >/dev/null
+  engine kube play --network "$project-pods" "$folder/pods.yaml" >"$folder/play.log" 2>&1 ||
+    { cat "$folder/play.log" >&2; fail 'kube play'; }
+  SECONDS=0
+  for replica in 0 1 2; do wait_healthy "treelight-$replica-treelightd"; done
+  echo "all healthy after $SECONDS s"
+  member() { # the real client, on their network
+    engine run --rm --no-healthcheck --network "$project-pods" --user "$(id -u):$(id -g)" -v "$folder/work:/work" -w /work \
+      -v "$secrets/treelight-tls/ca.crt:/ca.crt:ro" --entrypoint treelight treelight:slim \
+      --server treelight:7543 --tls-ca /ca.crt --token-file token "$@"
+  }
+  member build --photons photons.ply --name room
+  member gather --map room --queries photons.ply --k 8 --radius 0.1 --outputs count,neighbors,density --output replicas.csv
+  cmp "$folder/work/before.csv" "$folder/work/replicas.csv" || fail 'the replicas give other answers'
+  for replica in 0 1 2; do
+    podman logs "treelight-$replica-treelightd" >"$folder/replica.log" 2>&1
+    ! grep -q '"method":"Gather' "$folder/replica.log" || owner=$replica
+  done
+  podman kill "treelight-${owner:?no server has logged the gather}-treelightd" >/dev/null
+  member gather --map room --queries photons.ply --k 8 --radius 0.1 --outputs count,neighbors,density --output moved.csv
+  cmp "$folder/work/before.csv" "$folder/work/moved.csv" || fail 'the replicas that are left give other answers'
+  echo "server $owner answered, and another one once it was killed: the bytes are those of the one server before"
+  unplay
+fi
 
 if [ -n "$tests" ]; then
   say 'Tests in a container'
