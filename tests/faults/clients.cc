@@ -18,7 +18,7 @@ using std::chrono_literals::operator""ms;
 using std::chrono_literals::operator""s;
 
 constexpr std::uint32_t kNameCount = 5;
-constexpr std::size_t kManyMaps = 40;
+constexpr std::size_t kManyMaps = 80;
 constexpr std::chrono::milliseconds kTimeout = 4s;
 
 grpc::ChannelArguments Arguments() {
@@ -176,7 +176,7 @@ void Client::BuildSomething() {
   build.name = NameOf(random_());
   build.photons = {.count = kFewest + serial * kStride % kCounts,
                    .seed = static_cast<std::uint32_t>(random_())};
-  if (random_() % 10 == 0) build.time_to_live = 1000 * (300 + random_() % 3000);
+  if (random_() % 10 == 0) build.time_to_live = 1000 * (20 + random_() % 800);
   // Asked again, as a client does that was not answered; at times one that was.
   constexpr int kTries = 3;
   for (int i = 0; i < kTries; ++i) {
