@@ -12,10 +12,10 @@
 namespace treelight::server {
 namespace {
 
-/// How long the time of a change may stand for later changes too: some ticks of a kernel, or, where
-/// the file system tells whole seconds, two of those.
+/// How long the time of a change may stand for later changes too: two ticks of a slow kernel, or,
+/// where the file system tells whole seconds, two of those.
 std::chrono::milliseconds Grain(std::int64_t changed_ns) {
-  constexpr std::chrono::milliseconds kTicks{50}, kSeconds{2000};
+  constexpr std::chrono::milliseconds kTicks{20}, kSeconds{2000};
   return changed_ns % 1'000'000'000 == 0 ? kSeconds : kTicks;
 }
 
