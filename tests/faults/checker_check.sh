@@ -8,7 +8,7 @@ shift 2
 promises=("$@")
 [ ${#promises[@]} -gt 0 ] || promises=(damaged_file drain dropped_connection durable_build durable_delete expiry leftovers
   limits memory newest open_calls other_version refused_build request_id checksum short_upload stall ties version)
-seconds=40
+seconds=60
 failed=0
 
 # Two at once: most of the time of a run is spent waiting.

@@ -44,7 +44,7 @@ class Runner {
     int life = 0;
     do {
       if (!LiveOnce(life++)) break;
-      if (random_() % 4 != 0) DamageAFile();
+      for (auto left = random_() % 5; left > 0; --left) DamageAFile();
     } while (violations_.empty() && std::chrono::steady_clock::now() < end_);
     gate_.End();
     fast_.SetServer(0), slow_.SetServer(0);
