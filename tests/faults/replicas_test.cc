@@ -22,6 +22,7 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "nlohmann/json.hpp"
+#include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
 #include "tests/server_process.h"
 
@@ -301,6 +302,15 @@ class ReplicasTest : public ::testing::Test {
       }
     }
     int calls() const { return calls_; }
+    /// Waits until it has made so many more calls that each map was surely asked for.
+    void Run() const {
+      const int end = calls_ + 25 * static_cast<int>(kMapCount);
+      const auto latest = std::chrono::steady_clock::now() + 60s;
+      std::this_thread::sleep_for(500ms);
+      while (calls_ < end && std::chrono::steady_clock::now() < latest) {
+        std::this_thread::sleep_for(5ms);
+      }
+    }
     /// Ends it; the calls that failed.
     std::vector<std::string> End() {
       for (auto& thread : threads_) thread.request_stop();
@@ -335,7 +345,7 @@ class ReplicasTest : public ::testing::Test {
 TEST_F(ReplicasTest, OfAServerThatIsKilledOnlyItsMapsMoveAndTheyComeBack) {
   auto lengths = LogLengths();
   auto load = GatherLoad();
-  std::this_thread::sleep_for(1500ms);
+  load.Run();
   const auto before = Owners(lengths);
   ASSERT_EQ(before.size(), kMapCount);
   std::vector<std::size_t> counts(kServerCount);
@@ -350,7 +360,7 @@ TEST_F(ReplicasTest, OfAServerThatIsKilledOnlyItsMapsMoveAndTheyComeBack) {
   servers_[kKilled]->Signal(SIGKILL);
   servers_[kKilled]->Wait();
   lengths = LogLengths();
-  std::this_thread::sleep_for(2s);
+  load.Run();
   const auto during = Owners(lengths);
   ASSERT_EQ(during.size(), kMapCount);
   std::string moved;  // one of the maps that moved
@@ -380,7 +390,7 @@ TEST_F(ReplicasTest, OfAServerThatIsKilledOnlyItsMapsMoveAndTheyComeBack) {
   ASSERT_EQ(servers_[kKilled]->WaitUntilReadyOrEnded(), addresses_[kKilled]);
   std::this_thread::sleep_for(3s);  // nginx tries it again after 2 s
   lengths = LogLengths();
-  std::this_thread::sleep_for(1500ms);
+  load.Run();
   const auto failures = load.End();
   EXPECT_EQ(Owners(lengths), before);
   const auto lines = Log(kKilled, lengths[kKilled]);
@@ -398,7 +408,7 @@ TEST_F(ReplicasTest, ADrainLosesNoAcceptedRequest) {
   constexpr std::size_t kDrained = 2;
   auto lengths = LogLengths();
   auto load = GatherLoad();
-  std::this_thread::sleep_for(1s);
+  load.Run();
   const auto owners = Owners(lengths);
   lengths = LogLengths();
   const auto owned = std::ranges::find_if(
@@ -478,11 +488,11 @@ class SecureReplicasTest : public ReplicasTest {
 };
 
 TEST_F(SecureReplicasTest, TlsAndTokensWorkThroughNginx) {
-  for (std::size_t i = 0; i < kMapCount; ++i) {
-    const auto lengths = LogLengths();
-    EXPECT_EQ(Check(*client_, i), absl::OkStatus());
-    EXPECT_EQ(Owners(lengths)[MapName(i)].size(), 1u);
-  }
+  const auto lengths = LogLengths();
+  for (std::size_t i = 0; i < kMapCount; ++i) EXPECT_EQ(Check(*client_, i), absl::OkStatus());
+  // A log comes a moment after its answers.
+  EXPECT_TRUE(Eventually([&] { return Owners(lengths).size() == kMapCount; }));
+  for (const auto& [map, owners] : Owners(lengths)) EXPECT_EQ(owners.size(), 1u) << map;
   auto connection = Connection();
   connection.token_file.clear();
   const auto stranger = PhotonMapClient::Connect(nginx_->address(), connection, 20s);
