@@ -207,6 +207,18 @@ TEST(CheckerTest, AnswersAreThoseOfBruteForceOverTheVersionTheyName) {
   EXPECT_THAT(name.Broken(), ElementsAre("answer"));
 }
 
+TEST(CheckerTest, TheNewestMayBeDeletedWhileItComesBack) {
+  Story story;
+  story.Build("a", kFirst, Outcome::kOk, 1);
+  story.Build("b", kSecond, Outcome::kOk, 2);
+  Gather& gather = story.GathersNothing(0, Outcome::kNotFound);
+  gather.told = "NOT_FOUND: 'map@2.tlmap' of the data folder: it is gone";
+  EXPECT_THAT(story.Broken(), ElementsAre("lost"));
+  gather.end += 1'500'000;
+  story.Delete(2, Outcome::kOk);
+  EXPECT_THAT(story.Broken(), IsEmpty());
+}
+
 TEST(CheckerTest, TheNewestIsTheNewest) {
   Story story;
   story.Build("a", kFirst, Outcome::kOk, 1);

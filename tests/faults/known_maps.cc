@@ -1,6 +1,7 @@
 #include "tests/faults/known_maps.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "tests/faults/model.h"
 
@@ -60,6 +61,11 @@ void KnownMaps::CollectRequests() {
   }
   for (const auto& [id, request] : requests_) {
     if (!request.unknown.empty()) unknown_by_name_[request.name].push_back(&request);
+  }
+  // Few neighbours, or none, do not tell requests apart: the last one is the likely one.
+  for (auto& [name, requests] : unknown_by_name_) {
+    std::ranges::sort(requests, std::greater(),
+                      [](const Request* request) { return request->unknown.front()->start; });
   }
 }
 
@@ -168,8 +174,17 @@ KnownMap* KnownMaps::Match(const List& list, const Listed& listed) {
   return nullptr;
 }
 
-/// Gathers first: an answer tells which photons they are, a list only how many.
+/// Lists first: they tell more of a map than an answer without neighbours.
 void KnownMaps::TakeSights() {
+  for (const List& list : history_.lists) {
+    for (const Listed& listed : list.maps) {
+      KnownMap* const map = Match(list, listed);
+      listed_[&listed] = map;
+      if (map == nullptr) continue;
+      map->known_by = std::min(map->known_by, list.end);
+      map->seen.push_back(list.start);
+    }
+  }
   std::vector<const Gather*> gathers;
   for (const Gather& gather : history_.gathers) {
     if (gather.outcome == Outcome::kOk) gathers.push_back(&gather);
@@ -181,15 +196,6 @@ void KnownMaps::TakeSights() {
     if (map == nullptr) continue;
     map->known_by = std::min(map->known_by, gather->end);
     map->seen.push_back(gather->start);
-  }
-  for (const List& list : history_.lists) {
-    for (const Listed& listed : list.maps) {
-      KnownMap* const map = Match(list, listed);
-      listed_[&listed] = map;
-      if (map == nullptr) continue;
-      map->known_by = std::min(map->known_by, list.end);
-      map->seen.push_back(list.start);
-    }
   }
 }
 

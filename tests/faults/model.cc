@@ -13,12 +13,6 @@ float OnGrid(std::mt19937& engine) {
   return static_cast<float>(engine() % (kCells + 1)) / static_cast<float>(kCells);
 }
 
-/// Whether both are the same bits; no answer has a NaN.
-template <typename T>
-bool Same(const std::vector<T>& a, const std::vector<T>& b) {
-  return a == b;
-}
-
 }  // namespace
 
 Photons MakePhotons(const PhotonSet& set) {
@@ -56,10 +50,11 @@ std::unique_ptr<const Gatherer> MakeBruteForce(const PhotonSet& set) {
 bool IsAnswer(const Gatherer& photons, const QuerySet& queries, const GatherResult& result) {
   const auto positions = MakeQueries(queries);
   const auto expected = photons.Gather({.positions = positions}, MakeOptions(queries));
-  return expected.ok() && Same(expected->counts, result.counts) &&
-         Same(expected->radii, result.radii) && Same(expected->neighbor_ids, result.neighbor_ids) &&
-         Same(expected->neighbor_squared_distances, result.neighbor_squared_distances) &&
-         Same(expected->neighbor_offsets, result.neighbor_offsets);
+  // No answer has a NaN: what is equal is the same.
+  return expected.ok() && expected->counts == result.counts && expected->radii == result.radii &&
+         expected->neighbor_ids == result.neighbor_ids &&
+         expected->neighbor_squared_distances == result.neighbor_squared_distances &&
+         expected->neighbor_offsets == result.neighbor_offsets;
 }
 
 }  // namespace treelight::faults
