@@ -34,6 +34,8 @@ std::uint32_t LargestTreelet(BuilderKind builder) {
 
 }  // namespace
 
+std::uint64_t Builder::WorkBytes(const BuildOptions&, std::uint64_t) const { return 0; }
+
 std::string BuilderName(const BuildOptions& options) {
   switch (options.builder) {
     case BuilderKind::kLbvh:
@@ -109,14 +111,6 @@ bool HasDeviceStages(const BuildOptions& options) {
     default:
       return false;
   }
-}
-
-std::uint64_t HostBuildBytes(const BuildOptions& options, std::uint64_t photon_count) {
-  if (HasDeviceStages(options)) return 0;
-  // A pair of subtrees for each boundary between photons, the photons three times, their ids in
-  // three orders, and the tree itself.
-  constexpr std::uint64_t kPhotonBytes = 104 + 3 * sizeof(LeafPhoton) + 24;
-  return photon_count * (kPhotonBytes + 2 * sizeof(Node) / options.max_leaf_size);
 }
 
 absl::Status CheckBuildOptions(const BuildOptions& options) {

@@ -78,6 +78,10 @@ class Builder {
   virtual absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
                                                           const BuildOptions& options,
                                                           const CancelCheck& cancelled = {}) = 0;
+
+  /// Host memory that building a tree of so many photons takes, beside the photons and the map,
+  /// bytes, a little more rather than less. 0 where the device has memory of its own for it.
+  virtual std::uint64_t WorkBytes(const BuildOptions& options, std::uint64_t photon_count) const;
 };
 
 /// The name of a tree of these options: "lbvh", "treelet", "hybrid", "trbvh", "atrbvh", "balanced",
@@ -100,19 +104,18 @@ bool ReadsTreelets(BuilderKind builder);
 /// lbvh, of treelets that one work-group can search, of hybrid with T <= MaxDeviceSubtree.
 bool HasDeviceStages(const BuildOptions& options);
 
-/// Host memory that a device builder takes for a tree of so many photons, beside the photons,
-/// bytes, a little more rather than less; 0 for kinds that it builds on the device.
-std::uint64_t HostBuildBytes(const BuildOptions& options, std::uint64_t photon_count);
-
 /// The part of CheckBuild that needs no photons.
 absl::Status CheckBuildOptions(const BuildOptions& options);
 
 /// The checks that every Builder makes before it works; see Builder::Build.
 absl::Status CheckBuild(const Photons& photons, const BuildOptions& options);
 
-/// One OpenCL device of this machine.
+/// Platform of the CPU that TBB and vector instructions use without OpenCL.
+inline constexpr char kNativePlatform[] = "native";
+
+/// One device of this machine: a device of OpenCL, or its CPU as TBB uses it.
 struct DeviceInfo {
-  int index = 0;  ///< what `--device` takes; GPUs first, then CPUs
+  int index = 0;  ///< what `--device` takes; GPUs first, then kNativePlatform, then other CPUs
   std::string name, platform, driver;
   std::string type;  ///< "gpu", "cpu" or "other"
   std::uint32_t compute_units = 0;
@@ -120,7 +123,7 @@ struct DeviceInfo {
   std::uint64_t max_buffer_bytes = 0;
 };
 
-/// The OpenCL devices of this machine in the order of their index; empty where there is none.
+/// The devices of this machine in the order of their index.
 std::vector<DeviceInfo> ListDevices();
 
 struct DeviceOptions {
@@ -129,17 +132,20 @@ struct DeviceOptions {
       cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
 };
 
-/// A builder on an OpenCL device, its kernels compiled. Trees that the device has no stage for are
-/// built on the CPU, as by MakeCpuBuilder, and copied: the same bits. NOT_FOUND: no such device;
-/// the message lists those there are.
+/// A builder on a device: MakeCpuBuilder on kNativePlatform, else one of OpenCL, its kernels
+/// compiled; trees that an OpenCL device has no stage for are built on the CPU and copied. All give
+/// the same trees and the same answers, bit for bit. NOT_FOUND: no such device; the message lists
+/// those there are.
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options = {});
 
 /// The device that a MakeDeviceBuilder with the same options takes.
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options = {});
 
 /// All kinds of trees on the CPU, by TBB in the arena of the caller: the same tree for any number
-/// of threads. What device builders are checked against.
-std::unique_ptr<Builder> MakeCpuBuilder();
+/// of threads. What other devices are checked against. Gathers use the widest vector instructions
+/// that this processor has.
+/// @param device_name  for BuildReport::device
+std::unique_ptr<Builder> MakeCpuBuilder(std::string device_name = "cpu");
 
 /// The plain reference on the CPU: compares every query with every photon, in float32 as the
 /// devices do.

@@ -43,7 +43,7 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
   if (!slot.ok()) return slot.status();
   slot_ = *std::move(slot);
   const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
-  const std::uint64_t work_bytes = HostBuildBytes(plan_.options, plan_.photon_count);
+  const std::uint64_t work_bytes = state_.builder->WorkBytes(plan_.options, plan_.photon_count);
   const std::uint64_t all_bytes = photon_bytes + work_bytes + map_bytes;
   auto memory = WithEviction(state_, all_bytes, [&] {
     return state_.memory.Take(Holder::kUploads, all_bytes, what, retry_delay);

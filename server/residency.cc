@@ -39,7 +39,7 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> LoadTree(State& state, const
   }
   const std::uint64_t held_bytes = state.maps_in_host_memory() ? map_bytes : 0;
   const std::uint64_t all_bytes =
-      PhotonBytes(plan) + HostBuildBytes(plan.options, plan.photon_count) + held_bytes;
+      PhotonBytes(plan) + state.builder->WorkBytes(plan.options, plan.photon_count) + held_bytes;
   auto memory = WithEviction(state, all_bytes, [&] {
     return state.memory.Take(Holder::kUploads, all_bytes, what, state.device_queue.RetryDelay());
   });

@@ -1,10 +1,10 @@
 #include "tests/test_device.h"
 
-#include <cstdio>
 #include <cstdlib>
 #include <memory>
 
-#include "core/builder.h"
+#include "core/gpu/devices.h"
+#include "core/gpu/gpu_builder.h"
 #include "core/model/morton_grid.h"
 #include "tests/reference.h"
 
@@ -19,19 +19,12 @@ DeviceOptions TestOptions() {
 }  // namespace
 
 const Gpu& TestGpu() {
-  static const Gpu gpu = OpenGpu(TestOptions());
+  static const Gpu gpu = OpenOpenClDevice(TestOptions());
   return gpu;
 }
 
 Builder& TestBuilder() {
-  static const std::unique_ptr<Builder> builder = [] {
-    auto made = MakeDeviceBuilder(TestOptions());
-    if (!made.ok()) {
-      std::fprintf(stderr, "no test device: %s\n", made.status().ToString().c_str());
-      std::abort();
-    }
-    return *std::move(made);
-  }();
+  static const std::unique_ptr<Builder> builder = MakeGpuBuilder(TestGpu());
   return *builder;
 }
 

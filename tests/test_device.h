@@ -12,10 +12,11 @@
 
 namespace treelight {
 
-/// The device that the stages are tested on, opened once: $TREELIGHT_TEST_DEVICE, else the first.
+/// The OpenCL device that the stages are tested on, opened once: $TREELIGHT_TEST_DEVICE, else the
+/// first.
 const Gpu& TestGpu();
 
-/// The builder on the same device, made once.
+/// A builder on the same device, made once.
 Builder& TestBuilder();
 
 /// A buffer of `values` on the test device.

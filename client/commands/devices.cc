@@ -54,7 +54,6 @@ void PrintDevices(const v1::ServerInfo& info) {
                           device.platform(), device.driver()});
   }
   fmt::print("{}", Format(table));
-  if (info.devices().empty()) fmt::print("no OpenCL device\n");
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
@@ -75,7 +74,7 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
 void AddDevicesCommand(CLI::App& app, GlobalOptions& global) {
   const auto options = std::make_shared<Options>();
   CLI::App* command =
-      app.add_subcommand("devices", "Lists OpenCL devices of the server; * marks the one in use");
+      app.add_subcommand("devices", "Lists the devices of the server; * marks the one in use");
   command->add_flag("--local", options->local, "Devices of this machine; needs no server");
   command->add_flag("--json", options->json, "As JSON");
   command->callback(

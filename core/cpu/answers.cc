@@ -1,46 +1,10 @@
 #include "core/cpu/answers.h"
 
-#include <algorithm>
 #include <cmath>
-#include <numbers>
 
-#include "core/model/octahedral.h"
+#include "core/cpu/density.h"
 
 namespace treelight {
-namespace {
-
-double KernelWeight(DensityKernel kernel, double squared_distance, double radius) {
-  const double t2 = squared_distance / (radius * radius);
-  switch (kernel) {
-    case DensityKernel::kConstant:
-      return 1;
-    case DensityKernel::kCone:
-      return 3 * (1 - std::sqrt(t2));
-    case DensityKernel::kEpanechnikov:
-      return 2 * (1 - t2);
-  }
-  return 0;
-}
-
-void AddDensity(const Photons& photons, const std::vector<Candidate>& found, const float* normal,
-                DensityKernel kernel, float radius, float* density) {
-  double sum[3] = {0, 0, 0};
-  if (!(radius > 0) || std::isinf(radius)) return;
-  for (const auto& [d2, id] : found) {
-    if (normal != nullptr) {
-      const std::int16_t* direction = &photons.directions[2 * std::size_t{id}];
-      const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
-      if (d.x * normal[0] + d.y * normal[1] + d.z * normal[2] >= 0) continue;
-    }
-    const double weight = std::max(0.0, KernelWeight(kernel, d2, radius));
-    for (int c = 0; c < 3; ++c) sum[c] += weight * photons.powers[3 * std::size_t{id} + c];
-  }
-  const double area = std::numbers::pi * radius * radius;
-  for (int c = 0; c < 3; ++c) density[c] = static_cast<float>(sum[c] / area);
-}
-
-}  // namespace
-
 absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQueries& queries,
                                           const GatherOptions& options,
                                           const std::vector<QueryAnswer>& answers) {
@@ -76,8 +40,10 @@ absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQu
       }
     }
     if (wants(kOutputDensity) && !photons.powers.empty()) {
-      AddDensity(photons, found, queries.normals.empty() ? nullptr : &queries.normals[3 * i],
-                 options.kernel, radius, &result.densities[3 * i]);
+      DensitySum sum(photons, queries.normals.empty() ? nullptr : &queries.normals[3 * i],
+                     options.kernel, radius);
+      for (const auto& [d2, id] : found) sum.Add(d2, id);
+      sum.Write(&result.densities[3 * i]);
     }
     if (wants(kOutputStatistics)) {
       result.nodes_visited.push_back(answers[i].nodes_visited);

@@ -25,8 +25,7 @@ struct QueryAnswer {
   std::uint32_t distance_tests = 0;
 };
 
-/// Makes of the answers what GatherOptions asks for. Densities are summed in double, so that the
-/// float sums of devices can be judged by them. RESOURCE_EXHAUSTED as CheckNeighborCount.
+/// Makes of the answers what GatherOptions asks for. RESOURCE_EXHAUSTED as CheckNeighborCount.
 absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQueries& queries,
                                           const GatherOptions& options,
                                           const std::vector<QueryAnswer>& answers);

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <utility>
 
+#include "core/cpu/bounds.h"
 #include "core/cpu/gather_radius.h"
 #include "core/cpu/hybrid.h"
 #include "core/cpu/lbvh.h"
@@ -25,26 +26,26 @@ LooseTree BuildSweep(const Positions& positions, const BuildOptions& options,
   std::vector<std::uint32_t> ids(all.count());
   for (std::uint32_t i = 0; i < all.count(); ++i) ids[i] = i;
   splitter.Begin(all, ids);
-  return TopDown(positions, options.max_leaf_size, splitter).Build(all);
+  return TopDown(options.max_leaf_size, splitter).Build(all);
 }
 
 LooseTree BuildHybrid(const Positions& positions, const BuildOptions& options,
                       const Measure& measure) {
   LbvhSplitter lbvh(positions, options.morton_bits, MortonLayout::kCubic, options.subtree_size);
-  SweepSplitter sweep(positions, measure, options.max_leaf_size, options.leaf_term);
-  HybridSplitter splitter(lbvh, sweep, options.subtree_size);
-  return TopDown(positions, options.max_leaf_size, splitter).Build(splitter.Root());
+  HybridSplitter splitter(lbvh, positions, measure, options.max_leaf_size, options.leaf_term,
+                          options.subtree_size);
+  return TopDown(options.max_leaf_size, splitter).Build(splitter.Root());
 }
 
 LooseTree BuildBalanced(const Positions& positions, const BuildOptions& options) {
   MedianSplitter splitter(positions, options.max_leaf_size, options.leaf_term);
-  return TopDown(positions, options.max_leaf_size, splitter)
+  return TopDown(options.max_leaf_size, splitter)
       .Build({0, static_cast<std::uint32_t>(positions.size() / 3), 0});
 }
 
 LooseTree BuildSlidingMidpoint(const Positions& positions, const BuildOptions& options) {
   SlidingMidpointSplitter splitter(positions, options.max_leaf_size);
-  return TopDown(positions, options.max_leaf_size, splitter)
+  return TopDown(options.max_leaf_size, splitter)
       .Build(splitter.Root(static_cast<std::uint32_t>(positions.size() / 3)));
 }
 
@@ -57,16 +58,18 @@ LooseTree BuildTreelets(const Positions& positions, const BuildOptions& options,
   return tree;
 }
 
-Box BoundsOf(const Positions& positions) {
-  Box box;
-  for (std::size_t i = 0; i < positions.size(); i += 3) {
-    box.Extend(Vec3{positions[i], positions[i + 1], positions[i + 2]});
-  }
-  return box;
+/// A tree for a few searches: quickly made, with large leaves.
+Tree SampleTree(const std::vector<float>& positions) {
+  constexpr std::uint32_t kLeafSize = 1024;
+  if (positions.empty()) return {};
+  return Arrange(BuildLbvh(positions, MortonBits::k30, MortonLayout::kCubic, kLeafSize),
+                 TreeKind::kKdTree, kLeafSize);
 }
 
 class CpuBuilder : public Builder {
  public:
+  explicit CpuBuilder(std::string device_name) : device_name_(std::move(device_name)) {}
+
   absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
                                                   const BuildOptions& options,
                                                   const CancelCheck& cancelled) override {
@@ -75,11 +78,18 @@ class CpuBuilder : public Builder {
     if (!built.ok()) return built.status();
     BuildReport report;
     report.builder = BuilderName(options);
-    report.device = "cpu";
+    report.device = device_name_;
     report.radius = built->radius;
     report.stages = std::move(built->stages);
     return MakeTreeGatherer(photons, std::move(built->tree), std::move(report));
   }
+
+  std::uint64_t WorkBytes(const BuildOptions& options, std::uint64_t photon_count) const override {
+    return CpuBuildBytes(options, photon_count);
+  }
+
+ private:
+  const std::string device_name_;
 };
 
 }  // namespace
@@ -98,6 +108,13 @@ TreeletOptions TreeletOptionsOf(const BuildOptions& options) {
 
 bool NeedsRadius(const BuildOptions& options) {
   return ReadsHeuristic(options.builder) && options.heuristic != Heuristic::kSah;
+}
+
+std::uint64_t CpuBuildBytes(const BuildOptions& options, std::uint64_t photon_count) {
+  // A pair of subtrees for each boundary between photons, the photons three times, their ids in
+  // three orders, and the tree itself.
+  constexpr std::uint64_t kPhotonBytes = 104 + 3 * sizeof(LeafPhoton) + 24;
+  return photon_count * (kPhotonBytes + 2 * sizeof(Node) / options.max_leaf_size);
 }
 
 Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius) {
@@ -141,8 +158,7 @@ absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& p
     start = now;
   };
   if (options.radius == 0 && NeedsRadius(options)) {
-    const BuildOptions lbvh{.morton_bits = options.morton_bits};
-    built.radius = SampleGatherRadius(BuildCpuTree(positions, lbvh, 0), positions, options.seed);
+    built.radius = SampleGatherRadius(SampleTree(positions), positions, options.seed);
     mark("radius");
   }
   if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
@@ -152,6 +168,8 @@ absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& p
   return built;
 }
 
-std::unique_ptr<Builder> MakeCpuBuilder() { return std::make_unique<CpuBuilder>(); }
+std::unique_ptr<Builder> MakeCpuBuilder(std::string device_name) {
+  return std::make_unique<CpuBuilder>(std::move(device_name));
+}
 
 }  // namespace treelight

@@ -25,6 +25,10 @@ bool NeedsRadius(const BuildOptions& options);
 /// @param radius  gather radius of isa and vvh, scene units
 Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius);
 
+/// Host memory that BuildMeasuredCpuTree takes for so many photons, with the tree, bytes, a little
+/// more rather than less.
+std::uint64_t CpuBuildBytes(const BuildOptions& options, std::uint64_t photon_count);
+
 struct MeasuredCpuTree {
   Tree tree;
   float radius = 0;               ///< of the options; sampled where that is 0 and one is needed

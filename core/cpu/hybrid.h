@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <span>
 #include <utility>
 #include <vector>
 
+#include "core/builder.h"
 #include "core/cpu/lbvh.h"
 #include "core/cpu/sweep.h"
+#include "tbb/enumerable_thread_specific.h"
 
 namespace treelight {
 
@@ -22,9 +23,16 @@ class HybridSplitter {
     bool swept = false;  ///< sorted for the sweep
   };
 
-  /// @param subtree_size  T, at least the leaf size of `sweep`
-  HybridSplitter(LbvhSplitter& lbvh, SweepSplitter& sweep, std::uint32_t subtree_size)
-      : lbvh_(lbvh), sweep_(sweep), subtree_size_(subtree_size) {}
+  /// @param subtree_size  T, at least `max_leaf_size`
+  HybridSplitter(LbvhSplitter& lbvh, const std::vector<float>& positions, const Measure& measure,
+                 std::uint32_t max_leaf_size, LeafTerm leaf_term, std::uint32_t subtree_size)
+      : lbvh_(lbvh),
+        sweeps_([&positions, measure, max_leaf_size, leaf_term] {
+          return SweepSplitter(positions, measure, max_leaf_size, leaf_term);
+        }),
+        subtree_size_(subtree_size) {
+    static_assert(kMaxSubtreeSize <= kTaskPhotons, "a subtree is built by one task");
+  }
 
   Range Root() const { return {lbvh_.Root(), false}; }
 
@@ -35,16 +43,16 @@ class HybridSplitter {
     }
     PhotonRange swept = range;
     if (!range.swept) {
-      sweep_.Begin(range, lbvh_.LeafIds(range));
+      Sweep().Begin(range, lbvh_.LeafIds(range));
       swept.depth = SweepDepth(range.cut_level);
     }
-    const auto [left, right] = sweep_.Split(swept);
+    const auto [left, right] = Sweep().Split(swept);
     return {{{left, 0, 0}, true}, {{right, 0, 0}, true}};
   }
 
-  std::span<const std::uint32_t> LeafIds(const Range& range) {
-    if (!range.swept) sweep_.Begin(range, lbvh_.LeafIds(range));
-    return sweep_.LeafIds(range);
+  void PutLeaf(const Range& range, LeafPhoton* to) {
+    if (!range.swept) Sweep().Begin(range, lbvh_.LeafIds(range));
+    Sweep().PutLeaf(range, to);
   }
 
  private:
@@ -54,8 +62,11 @@ class HybridSplitter {
     return std::max(static_cast<std::uint32_t>(cut_level + 1), kMaxDepth - kSweepLevels);
   }
 
+  /// Of the task that builds the subtree, which is one.
+  SweepSplitter& Sweep() { return sweeps_.local(); }
+
   LbvhSplitter& lbvh_;
-  SweepSplitter& sweep_;
+  tbb::enumerable_thread_specific<SweepSplitter> sweeps_;
   const std::uint32_t subtree_size_;
 };
 

@@ -5,37 +5,17 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/cpu/bounds.h"
 #include "core/cpu/median.h"
-#include "core/model/morton_grid.h"
+#include "core/cpu/radix_sort.h"
+#include "core/model/morton.h"
 #include "tbb/parallel_for.h"
-#include "tbb/parallel_sort.h"
 
 namespace treelight {
 namespace {
 
 // Codes of ties end at this level at most: below remain 35 for medians and places.
 constexpr std::uint32_t kLastCodeLevel = 93;
-
-/// Spreads the lowest 21 bits of `v` to every third bit.
-std::uint64_t Spread(std::uint64_t v) {
-  v = (v | v << 32) & 0x001f00000000ffff;
-  v = (v | v << 16) & 0x001f0000ff0000ff;
-  v = (v | v << 8) & 0x100f00f00f00f00f;
-  v = (v | v << 4) & 0x10c30c30c30c30c3;
-  return (v | v << 2) & 0x1249249249249249;
-}
-
-std::uint64_t MortonCode(const Vec3& p, const MortonGrid& grid, unsigned bits_per_axis) {
-  const std::uint64_t last = (std::uint64_t{1} << bits_per_axis) - 1;
-  std::uint64_t code = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float cell = (Component(p, axis) - grid.min[axis]) * grid.prescale * grid.scale[axis];
-    const std::uint64_t number =
-        cell >= static_cast<float>(last) ? last : static_cast<std::uint64_t>(std::max(cell, 0.0f));
-    code |= Spread(number) << (2 - axis);
-  }
-  return code;
-}
 
 /// As many cells along each axis, whatever its extent.
 MortonGrid PerAxisGrid(const Box& bounds, unsigned bits_per_axis) {
@@ -75,7 +55,7 @@ LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
       ids_(positions.size() / 3),
       codes_(positions.size() / 3) {
   std::iota(ids_.begin(), ids_.end(), 0u);
-  for (const std::uint32_t id : ids_) bounds_.Extend(PositionOf(id));
+  bounds_ = BoundsOf(positions);
   const unsigned bits_per_axis = code_bits_ / 3;
   SortByCodes(Root(),
               layout == MortonLayout::kCubic ? MakeMortonGrid(bounds_, bits_per_axis)
@@ -94,23 +74,36 @@ Vec3 LbvhSplitter::PositionOf(std::uint32_t id) const {
 
 void LbvhSplitter::SortByCodes(const PhotonRange& range, const MortonGrid& grid,
                                unsigned bits_per_axis) {
+  if (3 * bits_per_axis <= 32) {
+    SortBy<std::uint32_t>(range, grid, bits_per_axis);
+  } else {
+    SortBy<std::uint64_t>(range, grid, bits_per_axis);
+  }
+}
+
+template <typename Code>
+void LbvhSplitter::SortBy(const PhotonRange& range, const MortonGrid& grid,
+                          unsigned bits_per_axis) {
   struct CodedPhoton {
-    std::uint64_t code;
-    std::uint32_t place, id;
+    Code code;
+    std::uint32_t id;
   };
-  std::vector<CodedPhoton> photons(range.count());
+  RawVector<CodedPhoton> photons(range.count()), spare;
   tbb::parallel_for(0u, range.count(), [&](std::uint32_t i) {
     const std::uint32_t id = ids_[range.first + i];
-    photons[i] = {MortonCode(PositionOf(id), grid, bits_per_axis), i, id};
+    photons[i] = {static_cast<Code>(MortonCode(PositionOf(id), grid, bits_per_axis)), id};
   });
-  tbb::parallel_sort(photons.begin(), photons.end(),
-                     [](const CodedPhoton& a, const CodedPhoton& b) {
-                       return a.code < b.code || (a.code == b.code && a.place < b.place);
-                     });
-  for (std::uint32_t i = 0; i < range.count(); ++i) {
+  const auto code = [](const CodedPhoton& photon) { return photon.code; };
+  if (range.count() > kTaskPhotons) {
+    RadixSort(photons, spare, 3 * bits_per_axis, code);
+  } else {
+    std::stable_sort(photons.begin(), photons.end(),
+                     [](const CodedPhoton& a, const CodedPhoton& b) { return a.code < b.code; });
+  }
+  tbb::parallel_for(0u, range.count(), [&](std::uint32_t i) {
     ids_[range.first + i] = photons[i].id;
     codes_[range.first + i] = photons[i].code;
-  }
+  });
 }
 
 LbvhSplitter::Cut LbvhSplitter::CutByPlace(const PhotonRange& range) {
@@ -160,7 +153,7 @@ std::pair<LbvhSplitter::Range, LbvhSplitter::Range> LbvhSplitter::Split(const Ra
 LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
                     std::uint32_t max_leaf_size) {
   LbvhSplitter splitter(positions, bits, layout, max_leaf_size);
-  return TopDown(positions, max_leaf_size, splitter).Build(splitter.Root());
+  return TopDown(max_leaf_size, splitter).Build(splitter.Root());
 }
 
 }  // namespace treelight

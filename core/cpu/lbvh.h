@@ -37,10 +37,15 @@ class LbvhSplitter {
   std::span<const std::uint32_t> LeafIds(const PhotonRange& range) const {
     return std::span(ids_).subspan(range.first, range.count());
   }
+  void PutLeaf(const PhotonRange& range, LeafPhoton* to) const {
+    PutPhotons(positions_, LeafIds(range), to);
+  }
 
  private:
   Vec3 PositionOf(std::uint32_t id) const;
   void SortByCodes(const PhotonRange& range, const MortonGrid& grid, unsigned bits_per_axis);
+  template <typename Code>
+  void SortBy(const PhotonRange& range, const MortonGrid& grid, unsigned bits_per_axis);
   struct Cut {
     std::uint32_t place;  ///< the first on the right
     std::uint32_t level;  ///< kLevelIndex and up: by place

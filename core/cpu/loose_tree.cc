@@ -16,7 +16,7 @@ class Loosener {
   explicit Loosener(const Tree& tree) : tree_(tree) { loose_.nodes.resize(tree.nodes.size()); }
 
   LooseTree Run() {
-    loose_.photons = tree_.photons;
+    loose_.photons.assign(tree_.photons.begin(), tree_.photons.end());
     const Root& root = tree_.root;
     if (root.count > 0) {
       loose_.root = Visit({.box = MakeBox(root.min, root.max),
@@ -108,7 +108,7 @@ class Arranger {
 
 }  // namespace
 
-Subtree MakeLeaf(const std::vector<LeafPhoton>& photons, std::uint32_t first, std::uint32_t last) {
+Subtree MakeLeaf(std::span<const LeafPhoton> photons, std::uint32_t first, std::uint32_t last) {
   Subtree leaf{.box = {}, .link = kLeafBit | first, .count = last - first, .min_id = kNoPhoton};
   for (std::uint32_t i = first; i < last; ++i) {
     leaf.box.Extend(Vec3{photons[i].x, photons[i].y, photons[i].z});

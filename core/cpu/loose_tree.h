@@ -3,8 +3,9 @@
 
 #include <array>
 #include <cstdint>
-#include <vector>
+#include <span>
 
+#include "core/cpu/raw_vector.h"
 #include "core/model/tree.h"
 
 namespace treelight {
@@ -26,13 +27,13 @@ struct Subtree {
 /// A tree while it is built: nodes at any index, leaves in any order, unused nodes between. The
 /// layout of Tree, where node i separates leaf i from leaf i + 1, is made once, at the end.
 struct LooseTree {
-  std::vector<std::array<Subtree, 2>> nodes;  ///< left and right child of each
-  Subtree root;                               ///< undefined where there are no photons
-  std::vector<LeafPhoton> photons;            ///< [n] each leaf's in one piece
+  RawVector<std::array<Subtree, 2>> nodes;  ///< left and right child of each
+  Subtree root;                             ///< undefined where there are no photons
+  RawVector<LeafPhoton> photons;            ///< [n] each leaf's in one piece
 };
 
 /// The leaf over photons [first, last) of `photons`.
-Subtree MakeLeaf(const std::vector<LeafPhoton>& photons, std::uint32_t first, std::uint32_t last);
+Subtree MakeLeaf(std::span<const LeafPhoton> photons, std::uint32_t first, std::uint32_t last);
 
 /// The subtree of node `link` with these children; its cost is 0 and it is not merged.
 Subtree Join(std::uint32_t link, const Subtree& left, const Subtree& right);

@@ -36,9 +36,9 @@ std::uint32_t PhotonOrder::PartitionBelow(const PhotonRange& range, int axis, fl
   return static_cast<std::uint32_t>(middle - begin);
 }
 
-std::span<const std::uint32_t> PhotonOrder::SortedIds(const PhotonRange& range) {
+void PhotonOrder::PutSorted(const PhotonRange& range, LeafPhoton* to) {
   std::sort(ids_.begin() + range.first, ids_.begin() + range.last);
-  return std::span(ids_).subspan(range.first, range.count());
+  PutPhotons(positions_, std::span(ids_).subspan(range.first, range.count()), to);
 }
 
 int WidestAxis(const Box& box) {

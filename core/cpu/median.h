@@ -2,7 +2,6 @@
 #define TREELIGHT_CORE_CPU_MEDIAN_H_
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "core/cpu/top_down.h"
@@ -25,8 +24,8 @@ class PhotonOrder {
   /// Moves the photons below `plane` on `axis` to the front of the range. Returns their number.
   std::uint32_t PartitionBelow(const PhotonRange& range, int axis, float plane);
 
-  /// The photons of a leaf, by index.
-  std::span<const std::uint32_t> SortedIds(const PhotonRange& range);
+  /// Writes the photons of a leaf, by index.
+  void PutSorted(const PhotonRange& range, LeafPhoton* to);
 
  private:
   float Coordinate(std::uint32_t id, int axis) const {
@@ -52,7 +51,7 @@ class MedianSplitter {
       : order_(positions), max_leaf_size_(max_leaf_size), leaf_term_(leaf_term) {}
 
   std::pair<Range, Range> Split(const Range& range);
-  std::span<const std::uint32_t> LeafIds(const Range& range) { return order_.SortedIds(range); }
+  void PutLeaf(const Range& range, LeafPhoton* to) { order_.PutSorted(range, to); }
 
  private:
   PhotonOrder order_;

@@ -2,7 +2,6 @@
 #define TREELIGHT_CORE_CPU_SLIDING_MIDPOINT_H_
 
 #include <cstdint>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -30,7 +29,7 @@ class SlidingMidpointSplitter {
   Range Root(std::uint32_t photon_count) const;
 
   std::pair<Range, Range> Split(const Range& range);
-  std::span<const std::uint32_t> LeafIds(const Range& range) { return order_.SortedIds(range); }
+  void PutLeaf(const Range& range, LeafPhoton* to) { order_.PutSorted(range, to); }
 
  private:
   PhotonOrder order_;

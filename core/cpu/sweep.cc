@@ -1,11 +1,12 @@
 #include "core/cpu/sweep.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 
 #include "core/cpu/median.h"
+#include "core/cpu/radix_sort.h"
 #include "tbb/parallel_for.h"
-#include "tbb/parallel_sort.h"
 
 namespace treelight {
 namespace {
@@ -14,12 +15,16 @@ float Coordinate(const LeafPhoton& photon, int axis) {
   return axis == 0 ? photon.x : axis == 1 ? photon.y : photon.z;
 }
 
-Vec3 PositionOf(const LeafPhoton& photon) { return {photon.x, photon.y, photon.z}; }
+/// A number that orders as `value` does, which is not -0.
+std::uint32_t OrderedBits(float value) {
+  const auto bits = std::bit_cast<std::uint32_t>(value);
+  return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
+}
 
 /// Calls `work` for each axis, in parallel where that pays.
 template <typename Work>
-void ForEachAxis(const PhotonRange& range, const Work& work) {
-  if (range.count() > kTaskPhotons) {
+void ForEachAxis(std::uint32_t count, const Work& work) {
+  if (count > kTaskPhotons) {
     tbb::parallel_for(0, 3, work);
   } else {
     for (int axis = 0; axis < 3; ++axis) work(axis);
@@ -33,52 +38,63 @@ SweepSplitter::SweepSplitter(const std::vector<float>& positions, const Measure&
     : measure_(measure),
       max_leaf_size_(max_leaf_size),
       leaf_term_(leaf_term),
-      positions_(positions) {
-  const std::size_t n = positions.size() / 3;
-  for (int axis = 0; axis < 3; ++axis) {
-    orders_[axis].resize(n);
-    left_costs_[axis].resize(n);
-    spare_[axis].resize(n);
-  }
-  goes_right_.resize(n);
-  leaf_ids_.resize(n);
-}
+      positions_(positions) {}
 
 void SweepSplitter::Begin(const Range& range, std::span<const std::uint32_t> ids) {
-  ForEachAxis(range, [&](int axis) {
-    std::vector<std::pair<float, std::uint32_t>> places(ids.size());  // coordinate, place in `ids`
-    for (std::uint32_t i = 0; i < ids.size(); ++i) {
-      places[i] = {positions_[3 * std::size_t{ids[i]} + axis] + 0.0f, i};
-    }
-    tbb::parallel_sort(places.begin(), places.end());
-    LeafPhoton* photons = orders_[axis].data() + range.first;
-    for (std::size_t i = 0; i < ids.size(); ++i) {
-      const std::uint32_t id = ids[places[i].second];
-      const float* p = &positions_[3 * std::size_t{id}];
-      photons[i] = {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id};
-    }
-  });
+  first_ = range.first;
+  photons_.resize(ids.size());
+  PutPhotons(positions_, ids, photons_.data());
+  goes_right_.resize(ids.size());
+  MakeUnits(range.count());
+  ForEachAxis(range.count(), [&](int axis) { SortAxis(axis); });
 }
 
-float SweepSplitter::LeafUnits(std::uint32_t count) const {
-  return static_cast<float>(leaf_term_ == LeafTerm::kLeafSize ? FullLeafCount(count, max_leaf_size_)
-                                                              : count);
+void SweepSplitter::MakeUnits(std::uint32_t count) {
+  for (auto n = static_cast<std::uint32_t>(units_.size()); n <= count; ++n) {
+    units_.push_back(static_cast<float>(
+        leaf_term_ == LeafTerm::kLeafSize ? FullLeafCount(n, max_leaf_size_) : n));
+  }
+}
+
+void SweepSplitter::SortAxis(int axis) {
+  const auto n = static_cast<std::uint32_t>(photons_.size());
+  orders_[axis].resize(n);
+  left_costs_[axis].resize(n);
+  spare_[axis].resize(n);
+  std::vector<std::uint64_t> places(n);  // coordinate, then place
+  for (std::uint32_t i = 0; i < n; ++i) {
+    places[i] = std::uint64_t{OrderedBits(Coordinate(photons_[i], axis))} << 32 | i;
+  }
+  if (n > kTaskPhotons) {
+    std::vector<std::uint64_t> other;
+    RadixSort(places, other, 32, [](std::uint64_t place) { return place >> 32; });
+  } else {
+    std::sort(places.begin(), places.end());
+  }
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const auto place = static_cast<std::uint32_t>(places[i]);
+    orders_[axis][i] = photons_[place];
+    orders_[axis][i].id = place;
+  }
 }
 
 SweepSplitter::Cut SweepSplitter::SweepAxis(const Range& range, int axis) {
-  const LeafPhoton* photons = orders_[axis].data() + range.first;
-  float* left_costs = left_costs_[axis].data() + range.first;
+  const LeafPhoton* const photons = &orders_[axis][range.first - first_];
+  float* const left_costs = &left_costs_[axis][range.first - first_];
   const std::uint32_t n = range.count();
-  Box left, right;
+  const Measure4 measure = measure_;
+  const float* const units = units_.data();
+  Box4 left, right;
   for (std::uint32_t i = 1; i < n; ++i) {
     left.Extend(PositionOf(photons[i - 1]));
-    left_costs[i] = measure_(left) * LeafUnits(i);
+    left_costs[i] = measure(left) * units[i];
   }
   const float extent = Coordinate(photons[n - 1], axis) - Coordinate(photons[0], axis);
   Cut best{std::numeric_limits<float>::infinity(), n, extent, axis, 0};
   for (std::uint32_t i = n - 1; i > 0; --i) {
     right.Extend(PositionOf(photons[i]));
-    const float cost = left_costs[i] + measure_(right) * LeafUnits(n - i);
+    const float cost = left_costs[i] + measure(right) * units[n - i];
+    if (cost > best.cost) continue;
     const std::uint32_t imbalance = 2 * i > n ? 2 * i - n : n - 2 * i;
     const Cut cut{cost, imbalance, extent, axis, i};
     if (!(best < cut)) best = cut;  // places descend: of equals the lower one stays
@@ -89,28 +105,37 @@ SweepSplitter::Cut SweepSplitter::SweepAxis(const Range& range, int axis) {
 SweepSplitter::Cut SweepSplitter::FindCut(const Range& range) {
   if (MustHalve(range, max_leaf_size_)) {
     Box box;
-    for (std::uint32_t i = range.first; i < range.last; ++i) box.Extend(PositionOf(orders_[0][i]));
+    for (std::uint32_t i = 0; i < range.count(); ++i) {
+      const LeafPhoton& photon = orders_[0][range.first - first_ + i];
+      box.Extend(Vec3{photon.x, photon.y, photon.z});
+    }
     return {0, 0, 0, WidestAxis(box), WholeLeavesMedian(range.count(), max_leaf_size_)};
   }
   std::array<Cut, 3> cuts;
-  ForEachAxis(range, [&](int axis) { cuts[axis] = SweepAxis(range, axis); });
+  ForEachAxis(range.count(), [&](int axis) { cuts[axis] = SweepAxis(range, axis); });
   return *std::min_element(cuts.begin(), cuts.end());
 }
 
 void SweepSplitter::Partition(const Range& range, const Cut& cut) {
-  const LeafPhoton* cut_order = orders_[cut.axis].data() + range.first;
+  const LeafPhoton* const cut_order = &orders_[cut.axis][range.first - first_];
   for (std::uint32_t i = 0; i < range.count(); ++i) {
     goes_right_[cut_order[i].id] = i >= cut.left_count ? 1 : 0;
   }
   // The other two orders stay sorted on each side.
-  ForEachAxis(range, [&](int axis) {
+  ForEachAxis(range.count(), [&](int axis) {
     if (axis == cut.axis) return;
-    LeafPhoton* left = orders_[axis].data() + range.first;
-    LeafPhoton* const spare = spare_[axis].data() + range.first;
+    LeafPhoton* left = &orders_[axis][range.first - first_];
+    LeafPhoton* const spare = &spare_[axis][range.first - first_];
     LeafPhoton* right = spare;
-    const LeafPhoton* const last = orders_[axis].data() + range.last;
+    const LeafPhoton* const last = left + range.count();
     for (const LeafPhoton* photon = left; photon < last; ++photon) {
-      *(goes_right_[photon->id] != 0 ? right++ : left++) = *photon;
+      // Which side is chance: written to both, kept on one.
+      const LeafPhoton moved = *photon;
+      const std::uint32_t goes_right = goes_right_[moved.id];
+      *left = moved;
+      *right = moved;
+      right += goes_right;
+      left += 1 - goes_right;
     }
     std::copy(spare, right, left);
   });
@@ -123,10 +148,9 @@ std::pair<PhotonRange, PhotonRange> SweepSplitter::Split(const Range& range) {
   return {{range.first, middle, range.depth + 1}, {middle, range.last, range.depth + 1}};
 }
 
-std::span<const std::uint32_t> SweepSplitter::LeafIds(const Range& range) {
-  const auto ids = std::span(leaf_ids_).subspan(range.first, range.count());
-  for (std::uint32_t i = 0; i < ids.size(); ++i) ids[i] = orders_[0][range.first + i].id;
-  return ids;
+void SweepSplitter::PutLeaf(const Range& range, LeafPhoton* to) const {
+  const LeafPhoton* const ordered = &orders_[0][range.first - first_];
+  for (std::uint32_t i = 0; i < range.count(); ++i) to[i] = photons_[ordered[i].id];
 }
 
 }  // namespace treelight

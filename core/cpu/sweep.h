@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/cpu/float4.h"
+#include "core/cpu/raw_vector.h"
 #include "core/cpu/top_down.h"
 #include "core/model/heuristic.h"
 
@@ -26,15 +28,15 @@ class SweepSplitter {
  public:
   using Range = PhotonRange;
 
-  /// Photons are at their places, but no range is sorted yet.
   SweepSplitter(const std::vector<float>& positions, const Measure& measure,
                 std::uint32_t max_leaf_size, LeafTerm leaf_term);
 
-  /// Lets `ids` be the photons of the range and sorts them on each axis. Before the first Split.
+  /// Lets `ids` be the photons of the range and sorts them on each axis. Before the first Split;
+  /// what was begun before is forgotten.
   void Begin(const Range& range, std::span<const std::uint32_t> ids);
 
   std::pair<Range, Range> Split(const Range& range);
-  std::span<const std::uint32_t> LeafIds(const Range& range);
+  void PutLeaf(const Range& range, LeafPhoton* to) const;
 
  private:
   struct Cut {
@@ -49,20 +51,24 @@ class SweepSplitter {
     }
   };
 
-  float LeafUnits(std::uint32_t count) const;
+  void SortAxis(int axis);
+  void MakeUnits(std::uint32_t count);
   Cut SweepAxis(const Range& range, int axis);
   Cut FindCut(const Range& range);
   void Partition(const Range& range, const Cut& cut);
 
-  const Measure measure_;
+  const Measure4 measure_;
   const std::uint32_t max_leaf_size_;
   const LeafTerm leaf_term_;
   const std::vector<float>& positions_;
-  std::array<std::vector<LeafPhoton>, 3> orders_;  ///< [n] each range sorted on that axis
-  std::array<std::vector<float>, 3> left_costs_;   ///< [n] of the sweep from the left
-  std::array<std::vector<LeafPhoton>, 3> spare_;   ///< [n] right parts while a range is cut
-  std::vector<std::uint8_t> goes_right_;           ///< [n] by photon index, of the last cut
-  std::vector<std::uint32_t> leaf_ids_;            ///< [n]
+  std::vector<float> units_;  ///< T(n)
+  std::uint32_t first_ = 0;   ///< place where the range that was begun begins
+  /// Its n photons. In all that follows their numbers are places in this array.
+  RawVector<LeafPhoton> photons_;
+  std::array<RawVector<LeafPhoton>, 3> orders_;  ///< [n] each range sorted on that axis
+  std::array<RawVector<float>, 3> left_costs_;   ///< [n] of the sweep from the left
+  std::array<RawVector<LeafPhoton>, 3> spare_;   ///< [n] right parts while a range is cut
+  RawVector<std::uint8_t> goes_right_;           ///< [n] of the last cut
 };
 
 }  // namespace treelight

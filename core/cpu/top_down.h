@@ -1,9 +1,12 @@
 #ifndef TREELIGHT_CORE_CPU_TOP_DOWN_H_
 #define TREELIGHT_CORE_CPU_TOP_DOWN_H_
 
+#include <atomic>
 #include <bit>
 #include <cstdint>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "core/cpu/loose_tree.h"
 #include "tbb/parallel_invoke.h"
@@ -37,26 +40,37 @@ inline bool MustHalve(const PhotonRange& range, std::uint32_t max_leaf_size) {
   return static_cast<std::uint32_t>(std::bit_width(leaf_count - 1)) + range.depth >= kMaxDepth;
 }
 
+/// Photon `id` of `positions` [3n] as trees hold it: -0 becomes +0.
+inline LeafPhoton PhotonAt(const std::vector<float>& positions, std::uint32_t id) {
+  const float* const p = &positions[3 * std::size_t{id}];
+  return {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id};
+}
+
+/// Writes the photons `ids` of `positions`.
+inline void PutPhotons(const std::vector<float>& positions, std::span<const std::uint32_t> ids,
+                       LeafPhoton* to) {
+  for (const std::uint32_t id : ids) *to++ = PhotonAt(positions, id);
+}
+
 /// Subtrees of fewer photons are built by one task.
 inline constexpr std::uint32_t kTaskPhotons = 4096;
 
-/// Splits ranges of more than `max_leaf_size` photons until there are none, in parallel. The cut
-/// between places i and i + 1 becomes node i, so tasks share no node and the tree does not depend
-/// on their number.
+/// Splits ranges of more than `max_leaf_size` photons until there are none, in parallel. Nodes are
+/// numbered as tasks come by, and lie close together; but for that the tree does not depend on the
+/// number of tasks.
 ///
 /// A Splitter has
 ///   Range                               derived from PhotonRange
 ///   std::pair<Range, Range> Split(const Range&)   left and right; neither is empty
-///   std::span<const std::uint32_t> LeafIds(const Range&)   the photons of a leaf, in their order
+///   void PutLeaf(const Range&, LeafPhoton*)   writes the photons of a leaf, in their order
 /// each called for disjoint ranges from several threads at once.
 template <typename Splitter>
 class TopDown {
  public:
   using Range = typename Splitter::Range;
 
-  /// @param positions  [3n] scene units
-  TopDown(const std::vector<float>& positions, std::uint32_t max_leaf_size, Splitter& splitter)
-      : positions_(positions), max_leaf_size_(max_leaf_size), splitter_(splitter) {}
+  TopDown(std::uint32_t max_leaf_size, Splitter& splitter)
+      : max_leaf_size_(max_leaf_size), splitter_(splitter) {}
 
   /// Builds the tree over all photons, `root` being all of them.
   LooseTree Build(const Range& root) {
@@ -64,6 +78,7 @@ class TopDown {
     tree_.photons.resize(root.count());
     tree_.nodes.resize(root.count() - 1);
     tree_.root = BuildSubtree(root);
+    tree_.nodes.resize(node_count_);
     return std::move(tree_);
   }
 
@@ -79,24 +94,20 @@ class TopDown {
       left = BuildSubtree(parts.first);
       right = BuildSubtree(parts.second);
     }
-    const std::uint32_t link = parts.first.last - 1;
+    const std::uint32_t link = node_count_.fetch_add(1, std::memory_order_relaxed);
     tree_.nodes[link] = {left, right};
     return Join(link, left, right);
   }
 
   Subtree BuildLeaf(const Range& range) {
-    std::uint32_t place = range.first;
-    for (const std::uint32_t id : splitter_.LeafIds(range)) {
-      const float* p = &positions_[3 * std::size_t{id}];
-      tree_.photons[place++] = {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f, id};  // -0 becomes +0
-    }
+    splitter_.PutLeaf(range, &tree_.photons[range.first]);
     return MakeLeaf(tree_.photons, range.first, range.last);
   }
 
-  const std::vector<float>& positions_;
   const std::uint32_t max_leaf_size_;
   Splitter& splitter_;
   LooseTree tree_;
+  std::atomic<std::uint32_t> node_count_ = 0;
 };
 
 }  // namespace treelight

@@ -3,6 +3,8 @@
 #include <atomic>
 #include <utility>
 
+#include "core/cpu/batch_gather.h"
+#include "core/cpu/simd/packed_search.h"
 #include "core/cpu/traverse.h"
 #include "tbb/parallel_for.h"
 
@@ -11,14 +13,25 @@ namespace {
 
 class TreeGatherer : public Gatherer {
  public:
-  TreeGatherer(Photons photons, Tree tree, BuildReport report)
-      : photons_(std::move(photons)), tree_(std::move(tree)), report_(std::move(report)) {
+  TreeGatherer(Photons photons, Tree tree, BuildReport report, Instructions instructions)
+      : photons_(std::move(photons)),
+        tree_(std::move(tree)),
+        report_(std::move(report)),
+        search_(MakePackedSearch(tree_, instructions)) {
+    photons_.positions = {};  // the tree has them
     report_.tree = ComputeStatistics(tree_, report_.radius);
+    report_.device_bytes = tree_.nodes.size() * (sizeof(Node) + 2 * sizeof(std::uint32_t)) +
+                           tree_.photons.size() * sizeof(LeafPhoton) + search_->bytes() +
+                           photons_.powers.size() * sizeof(float) +
+                           photons_.directions.size() * sizeof(std::int16_t);
   }
 
   absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
                                       const CancelCheck& cancelled) const override {
     if (const auto status = CheckGather(*this, queries, options); !status.ok()) return status;
+    if ((options.outputs & kOutputStatistics) == 0) {
+      return GatherBatch(*search_, photons_, Bounds(), queries, options, cancelled);
+    }
     std::vector<QueryAnswer> answers(queries.size());
     std::atomic<bool> stop = cancelled && cancelled();
     tbb::parallel_for(std::size_t{0}, queries.size(), [&](std::size_t i) {
@@ -35,13 +48,24 @@ class TreeGatherer : public Gatherer {
   }
 
   absl::StatusOr<Tree> ReadTree() const override { return tree_; }
-  absl::StatusOr<Photons> ReadPhotons() const override { return photons_; }
-  std::size_t photon_count() const override { return photons_.size(); }
+  absl::StatusOr<Photons> ReadPhotons() const override {
+    return Photons{.positions = PositionsById(tree_.photons),
+                   .powers = photons_.powers,
+                   .directions = photons_.directions};
+  }
+  std::size_t photon_count() const override { return tree_.photons.size(); }
   bool has_powers() const override { return !photons_.powers.empty(); }
   bool has_directions() const override { return !photons_.directions.empty(); }
   const BuildReport& report() const override { return report_; }
 
  private:
+  Box Bounds() const {
+    const Root& root = tree_.root;
+    if (root.count == 0) return {};
+    return {{root.min[0], root.min[1], root.min[2]}, {root.max[0], root.max[1], root.max[2]}};
+  }
+
+  /// The plain search, which counts what it visits.
   QueryAnswer Search(const Vec3& center, float radius, const GatherOptions& options) const {
     if (options.k > 0) return FindNearest(tree_, center, options.k, radius);
     const bool density = has_powers() && (options.outputs & kOutputDensity) != 0;
@@ -49,15 +73,18 @@ class TreeGatherer : public Gatherer {
                       density ? WholeSubtrees::kVisited : WholeSubtrees::kCounted);
   }
 
-  const Photons photons_;
+  Photons photons_;  ///< without positions
   const Tree tree_;
   BuildReport report_;
+  const std::unique_ptr<PackedSearch> search_;
 };
 
 }  // namespace
 
-std::unique_ptr<Gatherer> MakeTreeGatherer(Photons photons, Tree tree, BuildReport report) {
-  return std::make_unique<TreeGatherer>(std::move(photons), std::move(tree), std::move(report));
+std::unique_ptr<Gatherer> MakeTreeGatherer(Photons photons, Tree tree, BuildReport report,
+                                           Instructions instructions) {
+  return std::make_unique<TreeGatherer>(std::move(photons), std::move(tree), std::move(report),
+                                        instructions);
 }
 
 }  // namespace treelight

@@ -3,14 +3,18 @@
 
 #include <memory>
 
+#include "core/cpu/simd/packed_search.h"
 #include "core/gatherer.h"
 
 namespace treelight {
 
 /// Answers gathers by searching `tree` on the CPU, by TBB in the arena of the caller.
-/// @param photons  what the tree was built over
-/// @param report   its `tree` is computed here
-std::unique_ptr<Gatherer> MakeTreeGatherer(Photons photons, Tree tree, BuildReport report);
+/// @param photons       what the tree was built over
+/// @param report        its `tree` is computed here
+/// @param instructions  vector instructions that this processor has
+std::unique_ptr<Gatherer> MakeTreeGatherer(
+    Photons photons, Tree tree, BuildReport report,
+    Instructions instructions = SupportedInstructions().back());
 
 }  // namespace treelight
 

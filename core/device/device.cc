@@ -1,11 +1,9 @@
 #include "core/device/device.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdlib>
 #include <utility>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "core/device/guard.h"
 #include "core/device/kernel_source.h"
@@ -79,32 +77,6 @@ std::filesystem::path CacheDirectory(const DeviceOptions& options) {
   return options.cache_directory;
 }
 
-/// The device that `options` names: nothing, an index, or part of a name. Throws StatusError.
-FoundDevice Choose(const DeviceOptions& options) {
-  (void)CacheDirectory(options);
-  const std::string& wanted = options.device;
-  const auto found = FindDevices();
-  if (found.empty()) {
-    throw StatusError(absl::NotFoundError(
-        "no OpenCL device: install a driver, or pocl-opencl-icd for the CPU, which needs a "
-        "cache folder that it can write (--cache-dir, else HOME or POCL_CACHE_DIR)"));
-  }
-  if (wanted.empty()) return found[0];
-  std::size_t index = 0;
-  const char* end = wanted.data() + wanted.size();
-  const bool is_index = std::from_chars(wanted.data(), end, index).ptr == end;
-  std::string names;
-  for (const FoundDevice& d : found) {
-    const bool match = is_index ? d.info.index == static_cast<int>(index)
-                                : absl::StrContains(absl::AsciiStrToLower(d.info.name),
-                                                    absl::AsciiStrToLower(wanted));
-    if (match) return d;
-    names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", d.info.index, d.info.name);
-  }
-  throw StatusError(
-      absl::NotFoundError(fmt::format("device \"{}\" is none of those here ({})", wanted, names)));
-}
-
 /// OpenCL C 3.0 where it has atomics of device scope, else 1.2, whose fences order memory across
 /// work-groups on CPUs alone (see hierarchy.cl). What compiles decides: one GPU driver compiles
 /// these atomics and does not list them, and its 1.2 fence holds within a work-group only, which
@@ -147,20 +119,21 @@ bool HasPtx(const cl::Context& context, const cl::Device& device) {
 
 }  // namespace
 
-std::vector<DeviceInfo> ListDevices() {
+std::vector<DeviceInfo> ListOpenClDevices(const DeviceOptions& options) {
+  (void)CacheDirectory(options);
   std::vector<DeviceInfo> infos;
   for (FoundDevice& found : FindDevices()) infos.push_back(std::move(found.info));
   return infos;
 }
 
-absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
-  return Guard([&]() -> absl::StatusOr<DeviceInfo> { return Choose(options).info; });
-}
-
-std::shared_ptr<Device> Device::Open(const DeviceOptions& options) {
-  FoundDevice found = Choose(options);
+std::shared_ptr<Device> Device::Open(std::size_t index, const DeviceOptions& options) {
+  (void)CacheDirectory(options);
+  std::vector<FoundDevice> found = FindDevices();
+  if (index >= found.size()) {
+    throw StatusError(absl::NotFoundError(fmt::format("OpenCL has no device {}", index)));
+  }
   return std::shared_ptr<Device>(
-      new Device(std::move(found.device), std::move(found.info), options));
+      new Device(std::move(found[index].device), std::move(found[index].info), options));
 }
 
 Device::Device(cl::Device device, DeviceInfo info, const DeviceOptions& options)

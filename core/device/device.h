@@ -15,13 +15,17 @@
 
 namespace treelight {
 
+/// The devices of OpenCL, GPUs first, then CPUs, then others; empty where there is none. The cache
+/// folder of `options` becomes PoCL's too.
+std::vector<DeviceInfo> ListOpenClDevices(const DeviceOptions& options);
+
 /// An opened OpenCL device: context, one in-order queue with profiling, compiled programs. Knows no
 /// photons. Work on the queue is for the holder of `mutex()`.
 class Device {
  public:
-  /// Throws StatusError: NOT_FOUND where `options.device` names none, INTERNAL where the device
-  /// lacks what we need.
-  static std::shared_ptr<Device> Open(const DeviceOptions& options);
+  /// Opens device `index` of ListOpenClDevices. Throws StatusError: NOT_FOUND where there is none,
+  /// INTERNAL where the device lacks what we need.
+  static std::shared_ptr<Device> Open(std::size_t index, const DeviceOptions& options);
 
   const DeviceInfo& info() const { return info_; }
   BufferPool& memory() { return *memory_; }

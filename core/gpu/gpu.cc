@@ -4,9 +4,9 @@
 
 namespace treelight {
 
-Gpu OpenGpu(const DeviceOptions& options) {
+Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
   Gpu gpu;
-  gpu.device = Device::Open(options);
+  gpu.device = Device::Open(index, options);
   Device& device = *gpu.device;
   const std::string group =
       fmt::format("-DGROUP_SIZE={} -DSCAN_ITEMS={} -DSORT_ITEMS={} -DTIE_ITEMS={}", kGroupSize,

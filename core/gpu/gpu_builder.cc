@@ -1,8 +1,9 @@
+#include "core/gpu/gpu_builder.h"
+
 #include <mutex>
 #include <optional>
 #include <utility>
 
-#include "core/builder.h"
 #include "core/cpu/cpu_builder.h"
 #include "core/device/guard.h"
 #include "core/device/stage_timer.h"
@@ -174,6 +175,10 @@ class GpuBuilder : public Builder {
  public:
   explicit GpuBuilder(Gpu gpu) : gpu_(std::move(gpu)) {}
 
+  std::uint64_t WorkBytes(const BuildOptions& options, std::uint64_t photon_count) const override {
+    return HasDeviceStages(options) ? 0 : CpuBuildBytes(options, photon_count);
+  }
+
   absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
                                                   const BuildOptions& options,
                                                   const CancelCheck& cancelled) override {
@@ -269,10 +274,8 @@ class GpuBuilder : public Builder {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options) {
-  return Guard([&]() -> absl::StatusOr<std::unique_ptr<Builder>> {
-    return std::make_unique<GpuBuilder>(OpenGpu(options));
-  });
+std::unique_ptr<Builder> MakeGpuBuilder(Gpu gpu) {
+  return std::make_unique<GpuBuilder>(std::move(gpu));
 }
 
 }  // namespace treelight

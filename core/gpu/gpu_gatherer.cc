@@ -42,16 +42,6 @@ struct NeighborLists {
   std::vector<float> squared_distances;
 };
 
-/// Positions [3n] in the order of ids.
-std::vector<float> PositionsById(const std::vector<LeafPhoton>& photons) {
-  std::vector<float> positions(3 * photons.size());
-  for (const LeafPhoton& photon : photons) {
-    float* const p = &positions[3 * std::size_t{photon.id}];
-    p[0] = photon.x, p[1] = photon.y, p[2] = photon.z;
-  }
-  return positions;
-}
-
 class GpuGatherer : public Gatherer {
  public:
   explicit GpuGatherer(DeviceMap map) : map_(std::move(map)) {}

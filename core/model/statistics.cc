@@ -25,6 +25,15 @@ double GrownMeasure(const Box& box, Heuristic heuristic, double radius) {
 
 }  // namespace
 
+std::vector<float> PositionsById(const std::vector<LeafPhoton>& photons) {
+  std::vector<float> positions(3 * photons.size());
+  for (const LeafPhoton& photon : photons) {
+    float* const p = &positions[3 * std::size_t{photon.id}];
+    p[0] = photon.x, p[1] = photon.y, p[2] = photon.z;
+  }
+  return positions;
+}
+
 double HeuristicCost(const Tree& tree, Heuristic heuristic, float radius) {
   if (tree.root.count == 0) return 0;
   const double grow = heuristic == Heuristic::kSah ? 0 : radius;

@@ -32,6 +32,9 @@ struct Tree {
 /// not hold.
 absl::Status ValidateTree(const Tree& tree, const Photons& photons);
 
+/// The positions [3n] of `photons` in the order of their indices.
+std::vector<float> PositionsById(const std::vector<LeafPhoton>& photons);
+
 /// What a tree looks like from outside, whatever builder made it.
 struct TreeStatistics {
   std::uint32_t node_count = 0;  ///< inner nodes

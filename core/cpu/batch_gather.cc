@@ -1,0 +1,237 @@
+#include "core/cpu/batch_gather.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "core/cpu/density.h"
+#include "core/cpu/radix_sort.h"
+#include "core/model/morton.h"
+#include "tbb/parallel_for.h"
+
+namespace treelight {
+namespace {
+
+// From this many queries on, sorting them pays.
+constexpr std::size_t kSortedQueries = 256;
+// Queries of one task.
+constexpr std::size_t kTaskQueries = 256;
+constexpr unsigned kOrderBits = 30;
+
+Vec3 At(std::span<const float> numbers, std::size_t i) {
+  return {numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]};
+}
+
+/// Queries in Morton order: those that follow each other visit the same nodes.
+std::vector<std::uint32_t> MakeOrder(const GatherQueries& queries, const Box& bounds) {
+  std::vector<std::uint32_t> order(queries.size());
+  std::iota(order.begin(), order.end(), 0u);
+  if (queries.size() < kSortedQueries) return order;
+  struct Coded {
+    std::uint32_t code, query;
+  };
+  const MortonGrid grid = MakeMortonGrid(bounds, kOrderBits / 3);
+  std::vector<Coded> coded(queries.size()), spare;
+  tbb::parallel_for(std::size_t{0}, queries.size(), [&](std::size_t i) {
+    const auto code = MortonCode(At(queries.positions, i), grid, kOrderBits / 3);
+    coded[i] = {static_cast<std::uint32_t>(code), static_cast<std::uint32_t>(i)};
+  });
+  RadixSort(coded, spare, kOrderBits, [](const Coded& item) { return item.code; });
+  std::transform(coded.begin(), coded.end(), order.begin(),
+                 [](const Coded& item) { return item.query; });
+  return order;
+}
+
+/// The largest squared distance that the k-th neighbour of a query can have, seen from the query
+/// before it, which found k neighbours: they are all within its own k-th distance and the way
+/// between the two.
+class NeighborBound {
+ public:
+  float operator()(const Vec3& center) const {
+    const double dx = double{center.x} - center_.x, dy = double{center.y} - center_.y,
+                 dz = double{center.z} - center_.z;
+    const double reach = distance_ + std::sqrt(dx * dx + dy * dy + dz * dz);
+    // Far above the roundings of a squared distance, but for those that underflow.
+    const double bound = reach * reach * (1 + 1e-5);
+    constexpr double kSmallest = 1e-30, kLargest = std::numeric_limits<float>::max();
+    return bound > kSmallest && bound < kLargest ? static_cast<float>(bound)
+                                                 : std::numeric_limits<float>::max();
+  }
+
+  void Set(const Vec3& center, float squared_distance) {
+    center_ = center;
+    distance_ = std::sqrt(double{squared_distance});
+  }
+
+ private:
+  Vec3 center_;
+  double distance_ = std::numeric_limits<double>::infinity();
+};
+
+class Batch {
+ public:
+  Batch(const PackedSearch& search, const Photons& photons, const GatherQueries& queries,
+        const GatherOptions& options, const CancelCheck& cancelled)
+      : search_(search),
+        photons_(photons),
+        queries_(queries),
+        options_(options),
+        cancelled_(cancelled),
+        stop_(cancelled && cancelled()) {}
+
+  absl::StatusOr<GatherResult> Run(const Box& bounds) {
+    const std::size_t m = queries_.size();
+    const bool lists = Wants(kOutputNeighbors);
+    if (Wants(kOutputCount) || (lists && options_.k == 0)) result_.counts.resize(m);
+    if (Wants(kOutputRadius)) result_.radii.resize(m);
+    if (Wants(kOutputDensity)) result_.densities.resize(3 * m);
+    order_ = MakeOrder(queries_, bounds);
+    if (options_.k > 0) {
+      if (lists) {
+        result_.neighbor_ids.resize(m * options_.k);
+        result_.neighbor_squared_distances.resize(m * options_.k);
+      }
+      ForEachTask([&](auto first, auto last) { GatherNearest(first, last); });
+    } else {
+      ForEachTask([&](auto first, auto last) { GatherWithin(first, last); });
+      if (lists && !stop_) {
+        if (auto status = PlaceLists(); !status.ok()) return status;
+        ForEachTask([&](auto first, auto last) { ListWithin(first, last); });
+      }
+    }
+    if (stop_) return absl::CancelledError("gather cancelled");
+    if (!Wants(kOutputCount)) result_.counts.clear();
+    return std::move(result_);
+  }
+
+ private:
+  bool Wants(std::uint32_t output) const { return (options_.outputs & output) != 0; }
+  bool WantsDensity() const { return Wants(kOutputDensity) && !photons_.powers.empty(); }
+
+  float Radius(std::uint32_t query) const {
+    return queries_.radii.empty() ? options_.radius : queries_.radii[query];
+  }
+
+  /// r*r, finite.
+  float SquaredRadius(std::uint32_t query) const {
+    const float radius = Radius(query);
+    return std::min(radius * radius, std::numeric_limits<float>::max());
+  }
+
+  /// Calls `work(first, last)` with pieces of the order.
+  template <typename Work>
+  void ForEachTask(const Work& work) {
+    const std::size_t tasks = (order_.size() + kTaskQueries - 1) / kTaskQueries;
+    tbb::parallel_for(std::size_t{0}, tasks, [&](std::size_t task) {
+      if (stop_ || (cancelled_ && cancelled_())) {
+        stop_ = true;
+        return;
+      }
+      const std::uint32_t* const first = order_.data() + task * kTaskQueries;
+      work(first, first + std::min(kTaskQueries, order_.size() - task * kTaskQueries));
+    });
+  }
+
+  void GatherNearest(const std::uint32_t* first, const std::uint32_t* last) {
+    SearchSpace space;
+    NeighborBound bound;
+    for (; first < last; ++first) {
+      const std::uint32_t query = *first;
+      const Vec3 center = At(queries_.positions, query);
+      const float limit = std::min(SquaredRadius(query), bound(center));
+      const FoundNearest found = search_.FindNearest(center, options_.k, limit, space);
+      float radius = Radius(query);
+      if (found.count == options_.k) {
+        bound.Set(center, found.farthest);
+        radius = std::sqrt(found.farthest);
+      }
+      if (Wants(kOutputNeighbors)) WriteNearest(query, found.count, space);
+      Write(query, found.count, radius, space);
+    }
+  }
+
+  void WriteNearest(std::uint32_t query, std::uint32_t count, SearchSpace& space) {
+    search_.Sort(count, space);
+    const std::size_t place = std::size_t{query} * options_.k;
+    std::uint32_t* const ids = &result_.neighbor_ids[place];
+    float* const distances = &result_.neighbor_squared_distances[place];
+    std::fill(std::copy_n(space.ids(), count, ids), ids + options_.k, kNoPhoton);
+    std::fill(std::copy_n(space.squared_distances(), count, distances), distances + options_.k,
+              std::numeric_limits<float>::infinity());
+  }
+
+  /// What lists do not hold.
+  void Write(std::uint32_t query, std::uint32_t count, float radius, SearchSpace& space) {
+    if (!result_.counts.empty()) result_.counts[query] = count;
+    if (Wants(kOutputRadius)) result_.radii[query] = radius;
+    if (!WantsDensity()) return;
+    const float* const normal =
+        queries_.normals.empty() ? nullptr : &queries_.normals[3 * std::size_t{query}];
+    DensitySum sum(photons_, normal, options_.kernel, radius);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      sum.Add(space.squared_distances()[i], space.ids()[i]);
+    }
+    sum.Write(&result_.densities[3 * std::size_t{query}]);
+  }
+
+  void GatherWithin(const std::uint32_t* first, const std::uint32_t* last) {
+    SearchSpace space;
+    for (; first < last; ++first) {
+      const std::uint32_t query = *first;
+      const Vec3 center = At(queries_.positions, query);
+      const float limit = SquaredRadius(query);
+      const std::uint32_t count = WantsDensity() ? search_.FindWithin(center, limit, space)
+                                  : result_.counts.empty() ? 0
+                                                           : search_.CountWithin(center, limit);
+      Write(query, count, Radius(query), space);
+    }
+  }
+
+  absl::Status PlaceLists() {
+    std::vector<std::uint64_t>& offsets = result_.neighbor_offsets;
+    offsets.assign(queries_.size() + 1, 0);
+    std::inclusive_scan(result_.counts.begin(), result_.counts.end(), offsets.begin() + 1,
+                        std::plus<>(), std::uint64_t{0});
+    if (auto status = CheckNeighborCount(offsets.back(), options_); !status.ok()) return status;
+    result_.neighbor_ids.resize(offsets.back());
+    result_.neighbor_squared_distances.resize(offsets.back());
+    return absl::OkStatus();
+  }
+
+  void ListWithin(const std::uint32_t* first, const std::uint32_t* last) {
+    SearchSpace space;
+    for (; first < last; ++first) {
+      const std::uint32_t query = *first;
+      const std::uint32_t count =
+          search_.FindWithin(At(queries_.positions, query), SquaredRadius(query), space);
+      search_.Sort(count, space);
+      const std::uint64_t place = result_.neighbor_offsets[query];
+      std::copy_n(space.ids(), count, result_.neighbor_ids.begin() + place);
+      std::copy_n(space.squared_distances(), count,
+                  result_.neighbor_squared_distances.begin() + place);
+    }
+  }
+
+  const PackedSearch& search_;
+  const Photons& photons_;
+  const GatherQueries& queries_;
+  const GatherOptions& options_;
+  const CancelCheck& cancelled_;
+  std::atomic<bool> stop_;
+  std::vector<std::uint32_t> order_;
+  GatherResult result_;
+};
+
+}  // namespace
+
+absl::StatusOr<GatherResult> GatherBatch(const PackedSearch& search, const Photons& photons,
+                                         const Box& bounds, const GatherQueries& queries,
+                                         const GatherOptions& options,
+                                         const CancelCheck& cancelled) {
+  return Batch(search, photons, queries, options, cancelled).Run(bounds);
+}
+
+}  // namespace treelight

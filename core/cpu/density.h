@@ -1,0 +1,70 @@
+#ifndef TREELIGHT_CORE_CPU_DENSITY_H_
+#define TREELIGHT_CORE_CPU_DENSITY_H_
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+#include "core/gatherer.h"
+#include "core/model/octahedral.h"
+
+namespace treelight {
+
+/// Adds up the density estimate of one query, photon by photon, in double, so that the float sums
+/// of devices can be judged by it (Jensen 1996; the kernels of DensityKernel).
+class DensitySum {
+ public:
+  /// @param normal  3 numbers, or null: photons are not judged by their direction
+  /// @param radius  of the gather, scene units; where it is 0 or infinite the density is 0
+  DensitySum(const Photons& photons, const float* normal, DensityKernel kernel, float radius)
+      : photons_(photons),
+        normal_(normal),
+        kernel_(kernel),
+        squared_radius_(double{radius} * radius),
+        is_empty_(!(radius > 0) || std::isinf(radius)) {}
+
+  void Add(float squared_distance, std::uint32_t id) {
+    if (is_empty_ || (normal_ != nullptr && !Faces(id))) return;
+    const double weight = std::max(0.0, Weight(squared_distance / squared_radius_));
+    const float* const power = &photons_.powers[3 * std::size_t{id}];
+    for (int c = 0; c < 3; ++c) sum_[c] += weight * power[c];
+  }
+
+  /// Writes W / unit^2, RGB.
+  void Write(float* density) const {
+    const double area = std::numbers::pi * squared_radius_;
+    for (int c = 0; c < 3; ++c) density[c] = is_empty_ ? 0 : static_cast<float>(sum_[c] / area);
+  }
+
+ private:
+  bool Faces(std::uint32_t id) const {
+    const std::int16_t* const direction = &photons_.directions[2 * std::size_t{id}];
+    const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
+    return d.x * normal_[0] + d.y * normal_[1] + d.z * normal_[2] < 0;
+  }
+
+  /// Of a photon at t2 = (d / R)^2, relative to the constant kernel.
+  double Weight(double t2) const {
+    switch (kernel_) {
+      case DensityKernel::kConstant:
+        return 1;
+      case DensityKernel::kCone:
+        return 3 * (1 - std::sqrt(t2));
+      case DensityKernel::kEpanechnikov:
+        return 2 * (1 - t2);
+    }
+    return 0;
+  }
+
+  const Photons& photons_;
+  const float* const normal_;
+  const DensityKernel kernel_;
+  const double squared_radius_;
+  const bool is_empty_;
+  double sum_[3] = {0, 0, 0};
+};
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_DENSITY_H_

@@ -1,0 +1,66 @@
+#ifndef TREELIGHT_CORE_CPU_RADIX_SORT_H_
+#define TREELIGHT_CORE_CPU_RADIX_SORT_H_
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "tbb/parallel_for.h"
+#include "tbb/task_arena.h"
+
+namespace treelight {
+
+/// Sorts `items` by the lowest `bits` bits of `key(item)`, an unsigned number; items of equal keys
+/// stay in their order. Least significant digit first; each pass counts and moves parts of the
+/// items in parallel.
+/// @param items  a std::vector of plain values
+/// @param spare  of any size; used as the other half of the memory
+template <typename Items, typename Key>
+void RadixSort(Items& items, Items& spare, unsigned bits, const Key& key) {
+  using Item = typename Items::value_type;
+  constexpr unsigned kMaxDigitBits = 11;
+  constexpr std::size_t kMinPart = 1 << 14;
+  using Counts = std::array<std::uint32_t, 1 << kMaxDigitBits>;
+
+  spare.resize(items.size());
+  const unsigned passes = std::max(1u, (bits + kMaxDigitBits - 1) / kMaxDigitBits);
+  const unsigned digit_bits = (bits + passes - 1) / passes;
+  const std::uint32_t digits = 1u << digit_bits;
+  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  const std::size_t parts = std::clamp<std::size_t>(items.size() / kMinPart, 1, threads);
+  std::vector<Counts> places(parts);
+  for (unsigned shift = 0; shift < bits; shift += digit_bits) {
+    const auto digit = [&](const Item& item) {
+      return static_cast<std::uint32_t>(key(item) >> shift) & (digits - 1);
+    };
+    const auto for_each_part = [&](const auto& work) {
+      tbb::parallel_for(std::size_t{0}, parts, [&](std::size_t part) {
+        const Item* const first = items.data() + items.size() * part / parts;
+        const Item* const last = items.data() + items.size() * (part + 1) / parts;
+        work(places[part], first, last);
+      });
+    };
+    for_each_part([&](Counts& counts, const Item* item, const Item* last) {
+      counts.fill(0);
+      for (; item < last; ++item) ++counts[digit(*item)];
+    });
+    std::uint32_t place = 0;
+    for (std::uint32_t d = 0; d < digits; ++d) {
+      for (Counts& counts : places) {
+        const std::uint32_t count = counts[d];
+        counts[d] = place;
+        place += count;
+      }
+    }
+    for_each_part([&](Counts& next, const Item* item, const Item* last) {
+      for (; item < last; ++item) spare[next[digit(*item)]++] = *item;
+    });
+    items.swap(spare);
+  }
+}
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_CPU_RADIX_SORT_H_

@@ -1,0 +1,120 @@
+#include "core/gpu/devices.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/strip.h"
+#include "core/cpu/simd/packed_search.h"
+#include "core/device/guard.h"
+#include "core/gpu/gpu_builder.h"
+#include "fmt/format.h"
+
+namespace treelight {
+namespace {
+
+struct FoundDevice {
+  DeviceInfo info;
+  std::optional<std::size_t> open_cl;  ///< place in ListOpenClDevices; none: the native CPU
+};
+
+/// What the processor calls itself.
+std::string ProcessorName() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    if (!absl::StartsWith(line, "model name")) continue;
+    return std::string(absl::StripAsciiWhitespace(line.substr(line.find(':') + 1)));
+  }
+  return "CPU";
+}
+
+DeviceInfo NativeCpu() {
+  DeviceInfo info;
+  info.name = fmt::format("{} ({})", ProcessorName(), NameOf(SupportedInstructions().back()));
+  info.platform = kNativePlatform;
+  info.driver = "TBB";
+  info.type = "cpu";
+  info.compute_units = std::max(1u, std::thread::hardware_concurrency());
+  info.memory_bytes = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+                      static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+  info.max_buffer_bytes = info.memory_bytes;
+  return info;
+}
+
+/// GPUs, the native CPU, then what else OpenCL has: a CPU is faster without OpenCL.
+std::vector<FoundDevice> FindDevices(const DeviceOptions& options) {
+  std::vector<FoundDevice> found;
+  for (DeviceInfo& info : ListOpenClDevices(options)) {
+    found.push_back({std::move(info), found.size()});
+  }
+  const auto first_other = std::find_if(found.begin(), found.end(),
+                                        [](const FoundDevice& d) { return d.info.type != "gpu"; });
+  found.insert(first_other, {NativeCpu(), std::nullopt});
+  for (std::size_t i = 0; i < found.size(); ++i) found[i].info.index = static_cast<int>(i);
+  return found;
+}
+
+bool IsNamed(const DeviceInfo& info, const std::string& wanted) {
+  int index = 0;
+  const char* const end = wanted.data() + wanted.size();
+  if (std::from_chars(wanted.data(), end, index).ptr == end) return info.index == index;
+  return absl::StrContains(absl::AsciiStrToLower(info.name), absl::AsciiStrToLower(wanted));
+}
+
+/// The device that `options` names: nothing, an index, or part of a name.
+absl::StatusOr<FoundDevice> Choose(const DeviceOptions& options) {
+  std::string names;
+  for (FoundDevice& device : FindDevices(options)) {
+    if (options.device.empty() || IsNamed(device.info, options.device)) return std::move(device);
+    names +=
+        fmt::format("{}{}: {}", names.empty() ? "" : ", ", device.info.index, device.info.name);
+  }
+  return absl::NotFoundError(
+      fmt::format("device \"{}\" is none of those here ({})", options.device, names));
+}
+
+}  // namespace
+
+std::vector<DeviceInfo> ListDevices() {
+  std::vector<DeviceInfo> infos;
+  for (FoundDevice& device : FindDevices({})) infos.push_back(std::move(device.info));
+  return infos;
+}
+
+absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
+  return Guard([&]() -> absl::StatusOr<DeviceInfo> {
+    auto device = Choose(options);
+    if (!device.ok()) return device.status();
+    return std::move(device->info);
+  });
+}
+
+absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options) {
+  return Guard([&]() -> absl::StatusOr<std::unique_ptr<Builder>> {
+    const auto device = Choose(options);
+    if (!device.ok()) return device.status();
+    if (!device->open_cl) return MakeCpuBuilder(device->info.name);
+    return MakeGpuBuilder(OpenGpu(*device->open_cl, options));
+  });
+}
+
+Gpu OpenOpenClDevice(const DeviceOptions& options) {
+  for (const FoundDevice& device : FindDevices(options)) {
+    if (!device.open_cl || (!options.device.empty() && !IsNamed(device.info, options.device)))
+      continue;
+    return OpenGpu(*device.open_cl, options);
+  }
+  throw StatusError(absl::NotFoundError(
+      "no OpenCL device: install a driver, or pocl-opencl-icd for the CPU, which needs a cache "
+      "folder that it can write (HOME or POCL_CACHE_DIR)"));
+}
+
+}  // namespace treelight
