@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# FILE @ sed expression @ test that must fail
+# FILE of core/kernels @ sed expression @ test that must fail
 mutations='
 bounds.cl         @ s/half_size > 0; half_size/half_size > 1; half_size/ @ bounds_test
 morton.cl         @ s/0x030c30c3u/0x030c30c2u/ @ morton_test
@@ -32,6 +32,10 @@ gather_nearest.cl @ s/ || (bits == limit \&\& \*min_id < (uint)worst)// @ gather
 gather_nearest.cl @ s/(uint)worst);$/0xffffffffu);/ @ gatherer_test
 gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_test
 gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_test
+../cpu/batch_gather.cc @ s/(1 + 1e-5)/(1 - 1e-2)/ @ packed_search_test
+../cpu/simd/packed_search_impl.h @ s/L::LessEqual(d2, L::All(candidates.limit()))/L::Less(d2, L::All(candidates.limit()))/ @ packed_search_test
+../cpu/simd/packed_search_impl.h @ s/if (tied > 1) return false;// @ packed_search_test
+../cpu/simd/packed_search_impl.h @ s/space_.KeepSmallestIds(nearer, tied, k_ - nearer);// @ packed_search_test
 '
 
 copy=build-mutations/source
