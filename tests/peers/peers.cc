@@ -181,9 +181,7 @@ class Comparison {
                         {.builder = BuilderKind::kHybrid, .max_leaf_size = leaf_size}));
     }
     if (csv_ != nullptr) {
-      fmt::print(csv_,
-                 "set,photons,order,search,library,microseconds_min,microseconds_median,"
-                 "microseconds_max\n");
+      fmt::print(csv_, "set,photons,order,search,library,unit,min,median,max\n");
     }
   }
 
@@ -249,8 +247,9 @@ class Comparison {
       if (!best || medians[p] < medians[*best]) best = p;
       if (csv_ == nullptr) continue;
       const auto [low, high] = std::minmax_element(seconds[p].begin(), seconds[p].end());
-      fmt::print(csv_, "{},{},{},{},{},{:.4g},{:.4g},{:.4g}\n", NameOf(set), count, order, search,
-                 peers_[p]->name(), *low * unit, medians[p], *high * unit);
+      fmt::print(csv_, "{},{},{},{},{},{},{:.4g},{:.4g},{:.4g}\n", NameOf(set), count, order,
+                 search, peers_[p]->name(), search == "build" ? "ms" : "us a query", *low * unit,
+                 medians[p], *high * unit);
     }
     if (!peer || !own) return;
     fmt::print("{} {:8} {:6} {:11}  {:20} {:8.3f}  {:20} {:8.3f}  {:5.2f}x\n", NameOf(set), count,
