@@ -63,12 +63,22 @@ TEST(ServerProcessTest, AWrongConfigurationFileIsNamed) {
   }
 }
 
+/// The index of the first device that has kernels to compile.
+int OpenClDevice() {
+  for (const DeviceInfo& device : ListDevices()) {
+    if (device.platform != kNativePlatform) return device.index;
+  }
+  ADD_FAILURE() << "install pocl-opencl-icd";
+  return 0;
+}
+
 TEST(ServerProcessTest, ASignalWhileKernelsCompileEndsItAtOnce) {
   Process folder({"--version"});
   // A cold start: no kernel of an earlier one is found.
   setenv("POCL_CACHE_DIR", (folder.folder() + "/pocl").c_str(), 1);
   const std::string kernels = folder.folder() + "/kernels";
-  Process process({"--listen", "127.0.0.1:0", "--cache-dir", kernels});
+  Process process({"--listen", "127.0.0.1:0", "--cache-dir", kernels, "--device",
+                   std::to_string(OpenClDevice())});
   unsetenv("POCL_CACHE_DIR");
   ASSERT_TRUE(Eventually([&] { return std::filesystem::exists(kernels); })) << process.err();
   process.Signal(SIGTERM);

@@ -101,7 +101,7 @@ TEST_F(TreelightWithServerTest, AnswersAreThoseOfBruteForceBitByBit) {
   EXPECT_THAT(
       built.out,
       AllOf(HasSubstr("cloud@1"), HasSubstr("5003 (positions, powers, directions)"),
-            HasSubstr("at most 4 photons in a leaf"), HasSubstr("stage"), HasSubstr("morton")));
+            HasSubstr("at most 4 photons in a leaf"), HasSubstr("stage"), HasSubstr("tree")));
 
   const auto map = MakeBruteForceBuilder()->Build(photons, {});
   ASSERT_TRUE(map.ok());
