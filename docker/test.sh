@@ -153,8 +153,8 @@ wait_healthy() {
 
 say 'What is refused'
 ends 2 'give --tls-cert, --tls-key and --token-file' treelight
-ends 1 'no OpenCL device' -e TREELIGHT_INSECURE=true treelight:slim
-echo 'an address for others without TLS and tokens; a machine without a device'
+ends 2 'is none of those here' -e TREELIGHT_INSECURE=true -e TREELIGHT_DEVICE=nosuch treelight:slim
+echo 'an address for others without TLS and tokens; a device that is not there'
 
 # ---- compose.yaml
 
