@@ -42,13 +42,13 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_NAME treelight)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SHLIBDEPS ON)
-# Any driver of a device will do; without one PoCL runs the kernels on the CPU.
+# The loader wants a driver, any one; the CPU is used without.
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_DEPENDS "init-system-helpers (>= 1.52), passwd, pocl-opencl-icd | opencl-icd")
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_CONTROL_EXTRA
   "${debian}/conffiles;${debian}/postinst;${debian}/prerm;${debian}/postrm")
-set(CPACK_COMPONENT_TREELIGHT_DESCRIPTION "photon map service with k-d trees on OpenCL devices
+set(CPACK_COMPONENT_TREELIGHT_DESCRIPTION "photon map service with k-d trees on GPUs and CPUs
 treelightd takes photons over gRPC, builds k-d trees over them on a GPU, or on
-the CPU through PoCL, and answers batches of gather queries: the k nearest
+the CPU, and answers batches of gather queries: the k nearest
 photons within a radius, counts, and radiance estimates.
 
 treelight is its command line client: it uploads and gathers photons, traces
@@ -60,7 +60,7 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
   "libabsl-dev (>= 20220623), libfmt-dev (>= 9), libgrpc++-dev (>= 1.51), libprotobuf-dev (>= 3.21.12), \
 libprotobuf-dev (<< 3.22), libtbb-dev (>= 2021), libxxhash-dev, ocl-icd-opencl-dev, pkg-config")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "treelight (= ${PROJECT_VERSION}), cmake, protobuf-compiler-grpc")
-set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "photon map client and k-d trees on OpenCL devices, development files
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "photon map client and k-d trees on GPUs and CPUs, development files
 Headers, static libraries and the CMake package of Treelight: a client of the
 photon map service treelightd, the trees that the service is made of, for use
 in one's own process, and photon_map.proto, from which other languages

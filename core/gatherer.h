@@ -14,8 +14,8 @@
 
 namespace treelight {
 
-/// Polled between launches of long work; true means "stop": the work then returns CANCELLED. Empty
-/// means never.
+/// Polled between launches of long work, or by several threads at once; true means "stop": the work
+/// then returns CANCELLED. Empty means never.
 using CancelCheck = std::function<bool()>;
 
 /// Weight of a photon at distance d of a gather of radius R, each normalised over the disc of

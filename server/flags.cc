@@ -117,7 +117,8 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
                    ? std::string()
                    : fmt::format("'{}' are no permissions in octal, 0660 say", text);
       });
-  Add(app, "--device", flags.device.device, "Device, by index or part of its name; the first GPU, else the CPU");
+  Add(app, "--device", flags.device.device,
+      "Device, by index or part of its name; the first GPU, else the CPU");
   Add(app, "--cache-dir", flags.device.cache_directory, "Folder of compiled kernels");
   Limits& limits = server.limits;
   Add(app, "--max-photons", limits.max_photons, "Photons in one map")

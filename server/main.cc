@@ -128,7 +128,9 @@ int Main(int argc, const char* const* argv) {
   flags.server.device_index = device->index;
   auto builder = MakeDeviceBuilder(flags.device);
   if (!builder.ok()) return Fail(builder.status(), kExitFailure);
-  if (const auto warm = WarmUp(**builder); !warm.ok()) return Fail(warm, kExitFailure);
+  if (device->platform != kNativePlatform) {  // which has no kernels to compile
+    if (const auto warm = WarmUp(**builder); !warm.ok()) return Fail(warm, kExitFailure);
+  }
 
   auto server = Server::Start(flags.server, *std::move(builder));
   if (!server.ok()) return Fail(server.status(), kExitFailure);

@@ -11,7 +11,7 @@ namespace {
 
 TEST(DeviceTest, GpusComeFirstThenTheNativeCpu) {
   const auto devices = ListDevices();
-  ASSERT_FALSE(devices.empty()) << "install pocl-opencl-icd";
+  ASSERT_FALSE(devices.empty());
   bool cpu_seen = false;
   for (std::size_t i = 0; i < devices.size(); ++i) {
     EXPECT_EQ(devices[i].index, static_cast<int>(i));
@@ -53,7 +53,7 @@ TEST(DeviceTest, TheNativeCpuAndOpenClGiveTheSameAnswers) {
 }
 
 TEST(DeviceTest, AnUnknownDeviceIsRefusedWithThoseThereAre) {
-  for (const std::string wanted : {"99", "no such device"}) {
+  for (const std::string wanted : {"99", "99999999999", "no such device"}) {
     const auto status = MakeDeviceBuilder({.device = wanted, .cache_directory = {}}).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
     EXPECT_NE(status.message().find("0: " + ListDevices().at(0).name), std::string::npos) << status;

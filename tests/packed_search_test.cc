@@ -1,6 +1,7 @@
 #include "core/cpu/simd/packed_search.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -143,6 +144,28 @@ TEST_P(PackedSearchTest, QueriesFarFromEachOtherAndTinyDistances) {
   }
 }
 
+TEST_P(PackedSearchTest, TheLargestKAndTheLargestRadius) {
+  const Photons photons = MakeCloud(CloudNamed("surfaces"), 5003, /*seed=*/9);
+  const auto brute = *MakeBruteForceBuilder()->Build(photons, {});
+  const auto map = Make(photons, {});
+  const auto positions = MakeQueries(photons, 9, /*seed=*/10);
+  const GatherQueries queries{.positions = positions};
+  ExpectSame(*map, *brute, queries, {.k = kMaxNeighbors, .outputs = kExact});
+  for (const std::uint32_t outputs : {kExact, kOutputCount | kOutputDensity}) {
+    ExpectSame(*map, *brute, queries, {.k = 0, .radius = 1e30f, .outputs = outputs});
+  }
+}
+
+TEST_P(PackedSearchTest, QueriesFarFromPhotonsAtOnePlace) {
+  Photons photons;
+  for (int i = 0; i < 100; ++i) photons.positions.insert(photons.positions.end(), {0, 0, 0});
+  const auto brute = *MakeBruteForceBuilder()->Build(photons, {});
+  const auto map = Make(photons, {});
+  std::vector<float> positions(3 * 300, 0);
+  for (std::size_t i = 0; i < positions.size(); i += 2) positions[i] = i % 4 == 0 ? 1e18f : -5e9f;
+  ExpectSame(*map, *brute, {.positions = positions}, {.k = 8, .outputs = kExact});
+}
+
 TEST_P(PackedSearchTest, ManyEqualPhotonsAreNotAllLookedAt) {
   Photons photons;
   for (int i = 0; i < 400000; ++i) photons.positions.insert(photons.positions.end(), {1, 2, 3});
@@ -153,12 +176,19 @@ TEST_P(PackedSearchTest, ManyEqualPhotonsAreNotAllLookedAt) {
   for (std::uint32_t i = 0; i < 50; ++i) EXPECT_EQ(result->neighbor_ids[i], i);
 }
 
-TEST_P(PackedSearchTest, CancelsBetweenTasks) {
+TEST_P(PackedSearchTest, CancelsAtOnceAndBetweenTasks) {
   const Photons photons = MakeCloud(CloudNamed("surfaces"), 3001, /*seed=*/5);
   const auto map = Make(photons, {});
-  EXPECT_EQ(
-      map->Gather({.positions = photons.positions}, {.k = 8}, [] { return true; }).status().code(),
-      absl::StatusCode::kCancelled);
+  for (const int asked_before : {0, 2}) {
+    for (const std::uint32_t k : {0u, 8u, 200u}) {
+      std::atomic<int> asked = 0;
+      const auto stop = [&] { return ++asked > asked_before; };
+      const auto result =
+          map->Gather({.positions = photons.positions}, {.k = k, .radius = 1}, stop);
+      EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled) << k;
+      EXPECT_LE(asked, asked_before + 3) << k;  // one more by each thread
+    }
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Instructions, PackedSearchTest, testing::ValuesIn(SupportedInstructions()),

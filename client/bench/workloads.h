@@ -14,7 +14,7 @@ struct Workload {
   std::vector<float> queries;    ///< [3m] points of the set, moved by a tenth of their mean spacing
 };
 
-/// Sets of points in the unit cube.
+/// Sets of points in the unit cube, or of its size.
 enum class PointSet {
   kUniform,   ///< W1: uniform
   kSurfaces,  ///< W2: as photons lie: on walls and spheres, with caustics and copies

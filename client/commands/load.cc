@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -21,7 +22,8 @@ namespace {
 
 const std::map<std::string, Arrivals> kOpenArrivals = {{"constant", Arrivals::kConstant},
                                                        {"poisson", Arrivals::kPoisson}};
-constexpr std::chrono::minutes kTimeToLive{10};
+// That the map outlives the run, should this program end without deleting it.
+constexpr double kSpareSeconds = 600;
 
 struct Options {
   LoadOptions load{.arrivals = Arrivals::kPoisson};
@@ -75,6 +77,12 @@ absl::Status WriteCsv(const std::string& path, const std::vector<std::vector<std
   return file->Commit();
 }
 
+std::chrono::milliseconds TimeToLive(const Options& options) {
+  const auto runs = static_cast<double>(std::max<std::size_t>(1, options.rates.size()));
+  const std::chrono::duration<double> seconds(runs * options.duration_s + kSpareSeconds);
+  return std::chrono::duration_cast<std::chrono::milliseconds>(seconds);
+}
+
 absl::Status Run(const Options& options, const GlobalOptions& global) {
   const auto client = Connect(global);
   if (!client.ok()) return client.status();
@@ -83,7 +91,7 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
   const MapRef name{.name = fmt::format("load-{:08x}", std::random_device{}())};
   const auto built =
       (*client)->BuildPhotonMap(name.name, MakeLoadPhotons(options.photons, options.load.seed),
-                                {.time_to_live = kTimeToLive});
+                                {.time_to_live = TimeToLive(options)});
   if (!built.ok()) return built.status();
   const MapRef map{.name = name.name, .version = built->map().version()};
 

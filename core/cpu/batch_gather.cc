@@ -17,8 +17,9 @@ namespace {
 
 // From this many queries on, sorting them pays.
 constexpr std::size_t kSortedQueries = 256;
-// Queries of one task.
-constexpr std::size_t kTaskQueries = 256;
+// Queries of one task: of cheap ones more, since the first of each knows no bound of one before it.
+constexpr std::size_t kCheapTaskQueries = 64, kTaskQueries = 8;
+constexpr std::uint32_t kMaxCheapK = 128;
 constexpr unsigned kOrderBits = 30;
 
 Vec3 At(std::span<const float> numbers, std::size_t i) {
@@ -45,9 +46,9 @@ std::vector<std::uint32_t> MakeOrder(const GatherQueries& queries, const Box& bo
   return order;
 }
 
-/// The largest squared distance that the k-th neighbour of a query can have, seen from the query
-/// before it, which found k neighbours: they are all within its own k-th distance and the way
-/// between the two.
+/// The largest squared distance that the k-th neighbour of a query can have, seen from an earlier
+/// query that found k neighbours: they are all within its own k-th distance and the way between the
+/// two.
 class NeighborBound {
  public:
   float operator()(const Vec3& center) const {
@@ -124,14 +125,16 @@ class Batch {
   /// Calls `work(first, last)` with pieces of the order.
   template <typename Work>
   void ForEachTask(const Work& work) {
-    const std::size_t tasks = (order_.size() + kTaskQueries - 1) / kTaskQueries;
+    const bool is_cheap = options_.k > 0 && options_.k <= kMaxCheapK;
+    const std::size_t piece = is_cheap ? kCheapTaskQueries : kTaskQueries;
+    const std::size_t tasks = (order_.size() + piece - 1) / piece;
     tbb::parallel_for(std::size_t{0}, tasks, [&](std::size_t task) {
       if (stop_ || (cancelled_ && cancelled_())) {
         stop_ = true;
         return;
       }
-      const std::uint32_t* const first = order_.data() + task * kTaskQueries;
-      work(first, first + std::min(kTaskQueries, order_.size() - task * kTaskQueries));
+      const std::uint32_t* const first = order_.data() + task * piece;
+      work(first, first + std::min(piece, order_.size() - task * piece));
     });
   }
 
@@ -149,7 +152,11 @@ class Batch {
         radius = std::sqrt(found.farthest);
       }
       if (Wants(kOutputNeighbors)) WriteNearest(query, found.count, space);
-      Write(query, found.count, radius, space);
+      Write(query, found.count, radius);
+      if (!WantsDensity()) continue;
+      DensitySum sum = StartDensity(query, radius);
+      AddDensity(found.count, space, sum);
+      WriteDensity(query, sum);
     }
   }
 
@@ -164,16 +171,24 @@ class Batch {
   }
 
   /// What lists do not hold.
-  void Write(std::uint32_t query, std::uint32_t count, float radius, SearchSpace& space) {
+  void Write(std::uint32_t query, std::uint32_t count, float radius) {
     if (!result_.counts.empty()) result_.counts[query] = count;
     if (Wants(kOutputRadius)) result_.radii[query] = radius;
-    if (!WantsDensity()) return;
+  }
+
+  DensitySum StartDensity(std::uint32_t query, float radius) const {
     const float* const normal =
         queries_.normals.empty() ? nullptr : &queries_.normals[3 * std::size_t{query}];
-    DensitySum sum(photons_, normal, options_.kernel, radius);
+    return {photons_, normal, options_.kernel, radius};
+  }
+
+  static void AddDensity(std::uint32_t count, SearchSpace& space, DensitySum& sum) {
     for (std::uint32_t i = 0; i < count; ++i) {
       sum.Add(space.squared_distances()[i], space.ids()[i]);
     }
+  }
+
+  void WriteDensity(std::uint32_t query, const DensitySum& sum) {
     sum.Write(&result_.densities[3 * std::size_t{query}]);
   }
 
@@ -182,11 +197,20 @@ class Batch {
     for (; first < last; ++first) {
       const std::uint32_t query = *first;
       const Vec3 center = At(queries_.positions, query);
-      const float limit = SquaredRadius(query);
-      const std::uint32_t count = WantsDensity() ? search_.FindWithin(center, limit, space)
-                                  : result_.counts.empty() ? 0
-                                                           : search_.CountWithin(center, limit);
-      Write(query, count, Radius(query), space);
+      const float limit = SquaredRadius(query), radius = Radius(query);
+      std::uint32_t count = 0;
+      if (WantsDensity()) {
+        DensitySum sum = StartDensity(query, radius);
+        const auto take = [&](std::uint32_t found) {
+          AddDensity(found, space, sum);
+          count += found;
+        };
+        take(search_.FindWithin(center, limit, space, take));
+        WriteDensity(query, sum);
+      } else if (!result_.counts.empty()) {
+        count = search_.CountWithin(center, limit);
+      }
+      Write(query, count, radius);
     }
   }
 

@@ -8,9 +8,9 @@
 namespace treelight {
 
 /// Answers checked queries by `search`, all but kOutputStatistics, by TBB in the arena of the
-/// caller. The queries are worked on in Morton order, in pieces of fixed size, so that the answers
-/// are the same bits for any number of threads. CANCELLED and RESOURCE_EXHAUSTED as
-/// Gatherer::Gather.
+/// caller. Many queries are worked on in Morton order, in pieces of a size that does not depend on
+/// the threads, so that the answers are the same bits for any number of them. CANCELLED and
+/// RESOURCE_EXHAUSTED as Gatherer::Gather.
 /// @param photons  what the tree was built over
 /// @param bounds   of the photons
 absl::StatusOr<GatherResult> GatherBatch(const PackedSearch& search, const Photons& photons,

@@ -1,6 +1,7 @@
 #include "core/cpu/tree_gatherer.h"
 
 #include <atomic>
+#include <chrono>
 #include <utility>
 
 #include "core/cpu/batch_gather.h"
@@ -29,22 +30,14 @@ class TreeGatherer : public Gatherer {
   absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
                                       const CancelCheck& cancelled) const override {
     if (const auto status = CheckGather(*this, queries, options); !status.ok()) return status;
-    if ((options.outputs & kOutputStatistics) == 0) {
-      return GatherBatch(*search_, photons_, Bounds(), queries, options, cancelled);
-    }
-    std::vector<QueryAnswer> answers(queries.size());
-    std::atomic<bool> stop = cancelled && cancelled();
-    tbb::parallel_for(std::size_t{0}, queries.size(), [&](std::size_t i) {
-      if (stop || (cancelled && i % 1024 == 0 && cancelled())) {
-        stop = true;
-        return;
-      }
-      const float* p = &queries.positions[3 * i];
-      const float radius = queries.radii.empty() ? options.radius : queries.radii[i];
-      answers[i] = Search({p[0], p[1], p[2]}, radius, options);
-    });
-    if (stop) return absl::CancelledError("gather cancelled");
-    return WriteAnswers(photons_, queries, options, answers);
+    const auto start = std::chrono::steady_clock::now();
+    auto result = (options.outputs & kOutputStatistics) == 0
+                      ? GatherBatch(*search_, photons_, Bounds(), queries, options, cancelled)
+                      : GatherPlainly(queries, options, cancelled);
+    if (!result.ok()) return result;
+    const auto end = std::chrono::steady_clock::now();
+    result->times.kernel_us = std::chrono::duration<double, std::micro>(end - start).count();
+    return result;
   }
 
   absl::StatusOr<Tree> ReadTree() const override { return tree_; }
@@ -65,7 +58,25 @@ class TreeGatherer : public Gatherer {
     return {{root.min[0], root.min[1], root.min[2]}, {root.max[0], root.max[1], root.max[2]}};
   }
 
-  /// The plain search, which counts what it visits.
+  /// By the plain search, which counts what it visits.
+  absl::StatusOr<GatherResult> GatherPlainly(const GatherQueries& queries,
+                                             const GatherOptions& options,
+                                             const CancelCheck& cancelled) const {
+    std::vector<QueryAnswer> answers(queries.size());
+    std::atomic<bool> stop = cancelled && cancelled();
+    tbb::parallel_for(std::size_t{0}, queries.size(), [&](std::size_t i) {
+      if (stop || (cancelled && i % 1024 == 0 && cancelled())) {
+        stop = true;
+        return;
+      }
+      const float* p = &queries.positions[3 * i];
+      const float radius = queries.radii.empty() ? options.radius : queries.radii[i];
+      answers[i] = Search({p[0], p[1], p[2]}, radius, options);
+    });
+    if (stop) return absl::CancelledError("gather cancelled");
+    return WriteAnswers(photons_, queries, options, answers);
+  }
+
   QueryAnswer Search(const Vec3& center, float radius, const GatherOptions& options) const {
     if (options.k > 0) return FindNearest(tree_, center, options.k, radius);
     const bool density = has_powers() && (options.outputs & kOutputDensity) != 0;

@@ -55,8 +55,12 @@ std::vector<FoundDevice> FindDevices() {
       continue;  // a platform without a device
     }
     for (const cl::Device& device : devices) {
-      if (device.getInfo<CL_DEVICE_AVAILABLE>() == CL_FALSE) continue;
-      found.push_back({device, Describe(platform, device)});
+      try {
+        if (device.getInfo<CL_DEVICE_AVAILABLE>() == CL_FALSE) continue;
+        found.push_back({device, Describe(platform, device)});
+      } catch (const cl::Error&) {
+        continue;  // a driver that fails must not hide the other devices
+      }
     }
   }
   const auto rank = [](const FoundDevice& d) {

@@ -65,7 +65,8 @@ std::vector<FoundDevice> FindDevices(const DeviceOptions& options) {
 bool IsNamed(const DeviceInfo& info, const std::string& wanted) {
   int index = 0;
   const char* const end = wanted.data() + wanted.size();
-  if (std::from_chars(wanted.data(), end, index).ptr == end) return info.index == index;
+  const auto [parsed, error] = std::from_chars(wanted.data(), end, index);
+  if (parsed == end) return error == std::errc() && info.index == index;
   return absl::StrContains(absl::AsciiStrToLower(info.name), absl::AsciiStrToLower(wanted));
 }
 

@@ -1,7 +1,6 @@
 #ifndef TREELIGHT_CORE_MODEL_MORTON_H_
 #define TREELIGHT_CORE_MODEL_MORTON_H_
 
-#include <algorithm>
 #include <cstdint>
 
 #include "core/model/morton_grid.h"
@@ -17,14 +16,15 @@ inline std::uint64_t SpreadBits(std::uint64_t v) {
   return (v | v << 2) & 0x1249249249249249;
 }
 
-/// The Morton code of `p`, x highest; what lies outside of the grid has the cell nearest to it.
+/// The Morton code of `p`, x highest; what lies outside of the grid has the cell nearest to it, what
+/// has none, as far from a grid without extent, the first.
 inline std::uint64_t MortonCode(const Vec3& p, const MortonGrid& grid, unsigned bits_per_axis) {
   const std::uint64_t last = (std::uint64_t{1} << bits_per_axis) - 1;
   std::uint64_t code = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const float cell = (Component(p, axis) - grid.min[axis]) * grid.prescale * grid.scale[axis];
     const std::uint64_t number =
-        cell >= static_cast<float>(last) ? last : static_cast<std::uint64_t>(std::max(cell, 0.0f));
+        cell >= static_cast<float>(last) ? last : static_cast<std::uint64_t>(cell > 0 ? cell : 0);
     code |= SpreadBits(number) << (2 - axis);
   }
   return code;

@@ -1,4 +1,4 @@
-// Builds a photon map on a treelightd, and another one on an OpenCL device in this process, gathers
+// Builds a photon map on a treelightd, and another one on a device of this process, gathers
 // around the same points, and compares the answers with those of brute force.
 //
 //   nearest_photons [SERVER]      127.0.0.1:7543 without it

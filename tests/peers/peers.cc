@@ -219,6 +219,7 @@ class Comparison {
       for (int run = 0; run < flags_.runs; ++run) {
         for (std::size_t p = 0; p < peers_.size(); ++p) {
           if (wrong[p]) continue;
+          found = {};
           found.Resize(m, kind.search.k);
           seconds[p].push_back(Time([&] { peers_[p]->Find(queries, kind.search, found); }));
           if (run > 0) continue;
@@ -270,7 +271,9 @@ class Comparison {
 int main(int argc, char** argv) {
   treelight::Flags flags;
   CLI::App app("Searches beside those of other libraries, one thread, CPU time.");
-  app.add_option("--photons", flags.counts, "Points, one number or more")->capture_default_str();
+  app.add_option("--photons", flags.counts, "Points, one number or more")
+      ->capture_default_str()
+      ->check(CLI::Range(1000, 100000000));
   app.add_option("--queries", flags.query_count)
       ->capture_default_str()
       ->check(CLI::Range(256, 10000000));

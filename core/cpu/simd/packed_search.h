@@ -2,6 +2,7 @@
 #define TREELIGHT_CORE_CPU_SIMD_PACKED_SEARCH_H_
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string_view>
 #include <vector>
@@ -10,15 +11,15 @@
 
 namespace treelight {
 
-/// What a search found, and where it works; one for each thread, used again for every query.
+/// What a search found, and where it works; one for each task, used again for every query.
 /// Candidate i is (squared_distances[i], ids[i]).
 class SearchSpace {
  public:
   /// Room for `count` candidates, and a vector more; what is there stays.
   void Reserve(std::uint32_t count);
 
-  /// Drops, of the candidates from `first` on, which are all at one distance, all but the `keep`
-  /// with the smallest ids.
+  /// Of `count` candidates from `first` on, which are all at one distance, moves the `keep` with
+  /// the smallest ids to the front.
   void KeepSmallestIds(std::uint32_t first, std::uint32_t count, std::uint32_t keep);
 
   /// Sorts the first `count` candidates by (squared distance, id).
@@ -31,7 +32,7 @@ class SearchSpace {
   /// A second pair of arrays, as long.
   float* spare_squared_distances() { return spare_squared_distances_.data(); }
   std::uint32_t* spare_ids() { return spare_ids_.data(); }
-  void SwapSpare();
+  void SwapSpare();  ///< changes the two pairs
 
  private:
   std::uint32_t capacity_ = 0;
@@ -57,8 +58,11 @@ class PackedSearch {
   virtual FoundNearest FindNearest(const Vec3& center, std::uint32_t k, float limit,
                                    SearchSpace& space) const = 0;
 
-  /// Finds all photons with a squared distance of at most `limit`, in no order.
-  virtual std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space) const = 0;
+  /// Finds all photons with a squared distance of at most `limit`, finite, in no order. Where
+  /// `take` is given, it is called with the number of those in `space` whenever there are many, and
+  /// they are dropped; what is returned is the number of those left.
+  virtual std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space,
+                                   const std::function<void(std::uint32_t)>& take = {}) const = 0;
 
   /// How many FindWithin finds. Whole subtrees within are counted without a look at their photons.
   virtual std::uint32_t CountWithin(const Vec3& center, float limit) const = 0;

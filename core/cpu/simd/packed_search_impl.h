@@ -17,6 +17,9 @@ namespace {
 /// Up to so many candidates are put in order by counting, for each, those before it.
 constexpr std::uint32_t kRankedCandidates = 256;
 
+/// From so many on, candidates are handed over.
+constexpr std::uint32_t kTakenCandidates = 4096;
+
 std::uint64_t KeyOf(float squared_distance, std::uint32_t id) {
   return std::uint64_t{std::bit_cast<std::uint32_t>(squared_distance)} << 32 | id;
 }
@@ -83,8 +86,7 @@ template <typename L>
 class Candidates {
  public:
   Candidates(std::uint32_t k, float limit, SearchSpace& space) : k_(k), space_(space) {
-    // Sorting out costs as much as there are candidates, so it waits for as many again as are kept.
-    space.Reserve(2 * k + 2 * L::kWidth);
+    space.Reserve(full_ + L::kWidth);
     SetLimit(limit, kNoPhoton);
     distances_ = space.squared_distances();
     ids_ = space.ids();
@@ -98,7 +100,7 @@ class Candidates {
     L::Compress(squared_distances, mask, distances_ + count_);
     L::Compress(L::Load(ids), mask, ids_ + count_);
     count_ += BitCount(mask);
-    if (count_ > space_.capacity() - L::kWidth) KeepBest();
+    if (count_ > full_) KeepBest();
   }
 
   FoundNearest Finish() {
@@ -196,6 +198,8 @@ class Candidates {
   }
 
   const std::uint32_t k_;
+  // Sorting out costs as much as there are candidates, so it waits for as many again as are kept.
+  const std::uint32_t full_ = 2 * k_ + L::kWidth;
   SearchSpace& space_;
   float* distances_;
   std::uint32_t* ids_;
@@ -230,10 +234,15 @@ class LaneSearch final : public PackedSearch {
     return candidates.Finish();
   }
 
-  std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space) const override {
+  std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space,
+                           const std::function<void(std::uint32_t)>& take) const override {
     std::uint32_t count = 0;
     const auto scan = [&](const View& tree, const Center<L>& from, std::uint32_t first,
                           std::uint32_t photon_count) {
+      if (take && count >= kTakenCandidates) {
+        take(count);
+        count = 0;
+      }
       space.Reserve(count + photon_count);
       for (std::uint32_t i = 0; i < photon_count; i += L::kWidth) {
         const auto d2 = from.ToPhotons(tree, first + i);

@@ -58,7 +58,7 @@ class Packer {
       std::uint32_t widest = W;
       for (std::uint32_t i = 0; i < part_count; ++i) {
         if (parts[i].is_block()) continue;
-        if (widest == W || parts[i].Surface() > parts[widest].Surface()) widest = i;
+        if (widest == W || IsWider(parts[i], parts[widest])) widest = i;
       }
       if (widest == W) break;
       const std::uint32_t link = parts[widest].link;
@@ -74,6 +74,12 @@ class Packer {
   }
 
  private:
+  /// On a line all surfaces are 0.
+  static bool IsWider(const Part& a, const Part& b) {
+    const float of_a = a.Surface(), of_b = b.Surface();
+    return of_a > of_b || (of_a == of_b && a.count > b.count);
+  }
+
   static void Store(const Part* parts, const std::uint32_t* links, std::uint32_t part_count,
                     PackedNode<W>& node) {
     constexpr float kInfinity = std::numeric_limits<float>::infinity();
