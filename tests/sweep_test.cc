@@ -106,8 +106,7 @@ Tree BuildSweep(const Photons& photons, const Measure& measure, std::uint32_t ma
   std::vector<std::uint32_t> ids(photons.size());
   std::iota(ids.begin(), ids.end(), 0u);
   splitter.Begin(all, ids);
-  return Arrange(TopDown(max_leaf_size, splitter).Build(all), TreeKind::kKdTree,
-                 max_leaf_size);
+  return Arrange(TopDown(max_leaf_size, splitter).Build(all), TreeKind::kKdTree, max_leaf_size);
 }
 
 void ExpectPlainTree(const Photons& photons, const std::string& name) {

@@ -5,6 +5,7 @@
 #include "core/cpu/density.h"
 
 namespace treelight {
+
 absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQueries& queries,
                                           const GatherOptions& options,
                                           const std::vector<QueryAnswer>& answers) {

@@ -120,7 +120,7 @@ std::uint64_t CpuBuildBytes(const BuildOptions& options, std::uint64_t photon_co
 Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius) {
   const auto build = [&]() -> LooseTree {
     if (positions.empty()) return {};
-    const Measure measure(options.heuristic, BoundsOf(positions), radius);
+    const auto measure = [&] { return Measure(options.heuristic, BoundsOf(positions), radius); };
     switch (options.builder) {
       case BuilderKind::kLbvh:
         return BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
@@ -128,15 +128,15 @@ Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& optio
       case BuilderKind::kTreelet:
       case BuilderKind::kTrbvh:
       case BuilderKind::kAtrbvh:
-        return BuildTreelets(positions, options, measure);
+        return BuildTreelets(positions, options, measure());
       case BuilderKind::kHybrid:
-        return BuildHybrid(positions, options, measure);
+        return BuildHybrid(positions, options, measure());
       case BuilderKind::kBalanced:
         return BuildBalanced(positions, options);
       case BuilderKind::kSlidingMidpoint:
         return BuildSlidingMidpoint(positions, options);
       case BuilderKind::kSweep:
-        return BuildSweep(positions, options, measure);
+        return BuildSweep(positions, options, measure());
       case BuilderKind::kKarras:
         return BuildLbvh(positions, options.morton_bits, MortonLayout::kPerAxis,
                          options.max_leaf_size);

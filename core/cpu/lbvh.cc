@@ -55,11 +55,11 @@ LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
       ids_(positions.size() / 3),
       codes_(positions.size() / 3) {
   std::iota(ids_.begin(), ids_.end(), 0u);
-  bounds_ = BoundsOf(positions);
+  const Box bounds = BoundsOf(positions);
   const unsigned bits_per_axis = code_bits_ / 3;
   SortByCodes(Root(),
-              layout == MortonLayout::kCubic ? MakeMortonGrid(bounds_, bits_per_axis)
-                                             : PerAxisGrid(bounds_, bits_per_axis),
+              layout == MortonLayout::kCubic ? MakeMortonGrid(bounds, bits_per_axis)
+                                             : PerAxisGrid(bounds, bits_per_axis),
               bits_per_axis);
 }
 

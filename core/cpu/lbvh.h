@@ -31,7 +31,6 @@ class LbvhSplitter {
                std::uint32_t max_leaf_size);
 
   Range Root() const;
-  const Box& bounds() const { return bounds_; }
 
   std::pair<Range, Range> Split(const Range& range);
   std::span<const std::uint32_t> LeafIds(const PhotonRange& range) const {
@@ -58,7 +57,6 @@ class LbvhSplitter {
   const MortonLayout layout_;
   const std::uint32_t max_leaf_size_;
   const std::uint32_t code_bits_;
-  Box bounds_;
   std::vector<std::uint32_t> ids_;    ///< [n] photon at each place
   std::vector<std::uint64_t> codes_;  ///< [n] code at each place, in the grid of its run
 };

@@ -5,10 +5,6 @@
 namespace treelight {
 namespace {
 
-Box MakeBox(const float* min, const float* max) {
-  return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
-}
-
 void Store(const Vec3& v, float* to) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
 
 class Loosener {
@@ -28,20 +24,14 @@ class Loosener {
   }
 
  private:
-  Subtree Visit(Subtree subtree) {
-    if ((subtree.link & kLeafBit) != 0) return subtree;
-    const std::uint32_t link = subtree.link;
-    const Node& node = tree_.nodes[link];
-    const Subtree left = Visit({.box = MakeBox(node.left_min, node.left_max),
-                                .link = node.left,
-                                .count = node.left_count,
-                                .min_id = tree_.min_ids[2 * std::size_t{link}]});
-    const Subtree right = Visit({.box = MakeBox(node.right_min, node.right_max),
-                                 .link = node.right,
-                                 .count = node.right_count,
-                                 .min_id = tree_.min_ids[2 * std::size_t{link} + 1]});
-    loose_.nodes[link] = {left, right};
-    return Join(link, left, right);
+  Subtree Visit(const TreeChild& child) {
+    if ((child.link & kLeafBit) != 0) {
+      return {.box = child.box, .link = child.link, .count = child.count, .min_id = child.min_id};
+    }
+    const auto [left, right] = ChildrenOf(tree_, child.link);
+    const std::array<Subtree, 2> below = {Visit(left), Visit(right)};
+    loose_.nodes[child.link] = below;
+    return Join(child.link, below[0], below[1]);
   }
 
   const Tree& tree_;

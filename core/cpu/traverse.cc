@@ -13,31 +13,23 @@ struct Child {
 
 /// Squared distance to the box, rounded as the distance to a photon is: never above that of any
 /// photon of the box.
-float BoxSquaredDistance(const Vec3& q, const float* low, const float* high) {
-  const float dx = std::max(std::max(low[0] - q.x, q.x - high[0]), 0.0f);
-  const float dy = std::max(std::max(low[1] - q.y, q.y - high[1]), 0.0f);
-  const float dz = std::max(std::max(low[2] - q.z, q.z - high[2]), 0.0f);
+float BoxSquaredDistance(const Vec3& q, const Box& box) {
+  const float dx = std::max(std::max(box.min.x - q.x, q.x - box.max.x), 0.0f);
+  const float dy = std::max(std::max(box.min.y - q.y, q.y - box.max.y), 0.0f);
+  const float dz = std::max(std::max(box.min.z - q.z, q.z - box.max.z), 0.0f);
   return (dx * dx + dy * dy) + dz * dz;
 }
 
 /// Squared distance to the farthest corner of the box.
-float FarSquaredDistance(const Vec3& q, const float* low, const float* high) {
-  const float dx = std::max(q.x - low[0], high[0] - q.x);
-  const float dy = std::max(q.y - low[1], high[1] - q.y);
-  const float dz = std::max(q.z - low[2], high[2] - q.z);
+float FarSquaredDistance(const Vec3& q, const Box& box) {
+  const float dx = std::max(q.x - box.min.x, box.max.x - q.x);
+  const float dy = std::max(q.y - box.min.y, box.max.y - q.y);
+  const float dz = std::max(q.z - box.min.z, box.max.z - q.z);
   return (dx * dx + dy * dy) + dz * dz;
 }
 
-Child LeftChild(const Tree& tree, std::uint32_t link, const Vec3& q) {
-  const Node& node = tree.nodes[link];
-  return {node.left, node.left_count, tree.min_ids[2 * std::size_t{link}],
-          BoxSquaredDistance(q, node.left_min, node.left_max)};
-}
-
-Child RightChild(const Tree& tree, std::uint32_t link, const Vec3& q) {
-  const Node& node = tree.nodes[link];
-  return {node.right, node.right_count, tree.min_ids[2 * std::size_t{link} + 1],
-          BoxSquaredDistance(q, node.right_min, node.right_max)};
+Child ChildOnTheWay(const TreeChild& child, const Vec3& q) {
+  return {child.link, child.count, child.min_id, BoxSquaredDistance(q, child.box)};
 }
 
 Candidate CandidateOf(const Vec3& q, const LeafPhoton& photon) {
@@ -53,7 +45,7 @@ class NearestSearch {
 
   QueryAnswer Run() {
     const Root& root = tree_.root;
-    const float d2 = root.count > 0 ? BoxSquaredDistance(center_, root.min, root.max) : 0;
+    const float d2 = root.count > 0 ? BoxSquaredDistance(center_, MakeBox(root.min, root.max)) : 0;
     if (root.count > 0 && d2 <= squared_radius_) Visit({root.link, root.count, 0, d2});
     std::sort(answer_.found.begin(), answer_.found.end());
     return std::move(answer_);
@@ -76,8 +68,9 @@ class NearestSearch {
       VisitLeaf(child);
       return;
     }
-    Child near = LeftChild(tree_, child.link, center_);
-    Child far = RightChild(tree_, child.link, center_);
+    const auto [left, right] = ChildrenOf(tree_, child.link);
+    Child near = ChildOnTheWay(left, center_);
+    Child far = ChildOnTheWay(right, center_);
     if (std::pair(far.squared_distance, far.min_id) <
         std::pair(near.squared_distance, near.min_id)) {
       std::swap(near, far);
@@ -119,7 +112,7 @@ class RangeSearch {
   QueryAnswer Run() {
     const Root& root = tree_.root;
     if (root.count > 0) {
-      const float d2 = BoxSquaredDistance(center_, root.min, root.max);
+      const float d2 = BoxSquaredDistance(center_, MakeBox(root.min, root.max));
       Visit({root.link, root.count, 0, d2}, /*inside=*/false);
     }
     std::sort(answer_.found.begin(), answer_.found.end());
@@ -140,15 +133,13 @@ class RangeSearch {
       }
       return;
     }
-    const Node& node = tree_.nodes[child.link];
-    Visit(LeftChild(tree_, child.link, center_), inside || IsInside(node.left_min, node.left_max));
-    Visit(RightChild(tree_, child.link, center_),
-          inside || IsInside(node.right_min, node.right_max));
+    for (const TreeChild& below : ChildrenOf(tree_, child.link)) {
+      Visit(ChildOnTheWay(below, center_), inside || IsInside(below.box));
+    }
   }
 
-  bool IsInside(const float* low, const float* high) const {
-    return whole_ == WholeSubtrees::kCounted &&
-           FarSquaredDistance(center_, low, high) <= squared_radius_;
+  bool IsInside(const Box& box) const {
+    return whole_ == WholeSubtrees::kCounted && FarSquaredDistance(center_, box) <= squared_radius_;
   }
 
   const Tree& tree_;

@@ -54,8 +54,7 @@ class TreeGatherer : public Gatherer {
  private:
   Box Bounds() const {
     const Root& root = tree_.root;
-    if (root.count == 0) return {};
-    return {{root.min[0], root.min[1], root.min[2]}, {root.max[0], root.max[1], root.max[2]}};
+    return root.count == 0 ? Box{} : MakeBox(root.min, root.max);
   }
 
   /// By the plain search, which counts what it visits.

@@ -70,16 +70,17 @@ bool IsNamed(const DeviceInfo& info, const std::string& wanted) {
   return absl::StrContains(absl::AsciiStrToLower(info.name), absl::AsciiStrToLower(wanted));
 }
 
-/// The device that `options` names: nothing, an index, or part of a name.
-absl::StatusOr<FoundDevice> Choose(const DeviceOptions& options) {
+/// The first of `devices`, which are some, or the one that `wanted` names: an index, or part of a
+/// name.
+absl::StatusOr<FoundDevice> Choose(std::vector<FoundDevice> devices, const std::string& wanted) {
   std::string names;
-  for (FoundDevice& device : FindDevices(options)) {
-    if (options.device.empty() || IsNamed(device.info, options.device)) return std::move(device);
+  for (FoundDevice& device : devices) {
+    if (wanted.empty() || IsNamed(device.info, wanted)) return std::move(device);
     names +=
         fmt::format("{}{}: {}", names.empty() ? "" : ", ", device.info.index, device.info.name);
   }
   return absl::NotFoundError(
-      fmt::format("device \"{}\" is none of those here ({})", options.device, names));
+      fmt::format("device \"{}\" is none of those here ({})", wanted, names));
 }
 
 }  // namespace
@@ -92,7 +93,7 @@ std::vector<DeviceInfo> ListDevices() {
 
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
   return Guard([&]() -> absl::StatusOr<DeviceInfo> {
-    auto device = Choose(options);
+    auto device = Choose(FindDevices(options), options.device);
     if (!device.ok()) return device.status();
     return std::move(device->info);
   });
@@ -100,7 +101,7 @@ absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
 
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options) {
   return Guard([&]() -> absl::StatusOr<std::unique_ptr<Builder>> {
-    const auto device = Choose(options);
+    const auto device = Choose(FindDevices(options), options.device);
     if (!device.ok()) return device.status();
     if (!device->open_cl) return MakeCpuBuilder(device->info.name);
     return MakeGpuBuilder(OpenGpu(*device->open_cl, options));
@@ -108,14 +109,16 @@ absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& 
 }
 
 Gpu OpenOpenClDevice(const DeviceOptions& options) {
-  for (const FoundDevice& device : FindDevices(options)) {
-    if (!device.open_cl || (!options.device.empty() && !IsNamed(device.info, options.device)))
-      continue;
-    return OpenGpu(*device.open_cl, options);
+  std::vector<FoundDevice> devices = FindDevices(options);
+  std::erase_if(devices, [](const FoundDevice& device) { return !device.open_cl; });
+  if (devices.empty()) {
+    throw StatusError(absl::NotFoundError(
+        "no OpenCL device: install a driver, or pocl-opencl-icd for the CPU, which needs a cache "
+        "folder that it can write (HOME or POCL_CACHE_DIR)"));
   }
-  throw StatusError(absl::NotFoundError(
-      "no OpenCL device: install a driver, or pocl-opencl-icd for the CPU, which needs a cache "
-      "folder that it can write (HOME or POCL_CACHE_DIR)"));
+  const auto device = Choose(std::move(devices), options.device);
+  if (!device.ok()) throw StatusError(device.status());
+  return OpenGpu(*device->open_cl, options);
 }
 
 }  // namespace treelight

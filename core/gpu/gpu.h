@@ -53,8 +53,8 @@ struct Gpu {
   cl::CommandQueue& queue() const { return device->queue(); }
 };
 
-/// Opens device `index` of ListOpenClDevices and compiles the kernels, or takes them from the cache.
-/// Throws as Device::Open.
+/// Opens device `index` of ListOpenClDevices and compiles the kernels, or takes them from the
+/// cache. Throws as Device::Open.
 Gpu OpenGpu(std::size_t index, const DeviceOptions& options);
 
 /// Enqueues kernel `name` with at least `items` work-items, rounded up to whole work-groups of

@@ -40,6 +40,11 @@ struct Box {
   friend bool operator==(const Box&, const Box&) = default;
 };
 
+/// The box between two corners [3], as nodes and roots of trees hold it.
+inline Box MakeBox(const float* min, const float* max) {
+  return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
+}
+
 /// Whether an axis-aligned plane separates two boxes that are not empty; they may touch it.
 inline bool Separable(const Box& a, const Box& b) {
   for (int axis = 0; axis < 3; ++axis) {

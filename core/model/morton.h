@@ -16,8 +16,8 @@ inline std::uint64_t SpreadBits(std::uint64_t v) {
   return (v | v << 2) & 0x1249249249249249;
 }
 
-/// The Morton code of `p`, x highest; what lies outside of the grid has the cell nearest to it, what
-/// has none, as far from a grid without extent, the first.
+/// The Morton code of `p`, x highest; what lies outside of the grid has the cell nearest to it,
+/// what has none, as far from a grid without extent, the first.
 inline std::uint64_t MortonCode(const Vec3& p, const MortonGrid& grid, unsigned bits_per_axis) {
   const std::uint64_t last = (std::uint64_t{1} << bits_per_axis) - 1;
   std::uint64_t code = 0;

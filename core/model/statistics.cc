@@ -11,10 +11,6 @@ struct Visit {
   std::uint32_t depth;
 };
 
-Box MakeBox(const float* min, const float* max) {
-  return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
-}
-
 /// Surface area or volume of the box grown by `radius` on every side.
 double GrownMeasure(const Box& box, Heuristic heuristic, double radius) {
   const double dx = double{box.max.x} - box.min.x + 2 * radius,
@@ -24,15 +20,6 @@ double GrownMeasure(const Box& box, Heuristic heuristic, double radius) {
 }
 
 }  // namespace
-
-std::vector<float> PositionsById(const std::vector<LeafPhoton>& photons) {
-  std::vector<float> positions(3 * photons.size());
-  for (const LeafPhoton& photon : photons) {
-    float* const p = &positions[3 * std::size_t{photon.id}];
-    p[0] = photon.x, p[1] = photon.y, p[2] = photon.z;
-  }
-  return positions;
-}
 
 double HeuristicCost(const Tree& tree, Heuristic heuristic, float radius) {
   if (tree.root.count == 0) return 0;

@@ -1,11 +1,13 @@
 #ifndef TREELIGHT_CORE_MODEL_TREE_H_
 #define TREELIGHT_CORE_MODEL_TREE_H_
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "core/kernels/types.h"
+#include "core/model/box.h"
 #include "core/model/heuristic.h"
 #include "core/model/photons.h"
 
@@ -31,6 +33,17 @@ struct Tree {
 /// photons; depth at most kMaxDepth. Returns INTERNAL naming the node and the invariant that does
 /// not hold.
 absl::Status ValidateTree(const Tree& tree, const Photons& photons);
+
+/// A child of a node, and what the node knows of it.
+struct TreeChild {
+  Box box;                   ///< tight, scene units
+  std::uint32_t link = 0;    ///< kLeafBit | first photon, or index of a node
+  std::uint32_t count = 0;   ///< photons
+  std::uint32_t min_id = 0;  ///< smallest photon index
+};
+
+/// The left and the right child of node `link`.
+std::array<TreeChild, 2> ChildrenOf(const Tree& tree, std::uint32_t link);
 
 /// The positions [3n] of `photons` in the order of their indices.
 std::vector<float> PositionsById(const std::vector<LeafPhoton>& photons);

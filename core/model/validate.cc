@@ -25,10 +25,6 @@ struct Fact {
   Box box;
 };
 
-Box MakeBox(const float* min, const float* max) {
-  return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
-}
-
 class Validator {
  public:
   Validator(const Tree& tree, const Photons& photons)
