@@ -6,6 +6,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
+#include "tests/temporary_folder.h"
 
 namespace treelight::server {
 namespace {
@@ -13,18 +14,13 @@ namespace {
 /// A root folder with the files that a test writes.
 class MachineMemoryTest : public ::testing::Test {
  protected:
-  MachineMemoryTest() {
-    std::string name = std::filesystem::temp_directory_path() / "treelight_root_XXXXXX";
-    root_ = mkdtemp(name.data());
-  }
-  ~MachineMemoryTest() override { std::filesystem::remove_all(root_); }
-
   void Write(const std::string& file, const std::string& text) {
     std::filesystem::create_directories((root_ / file).parent_path());
     std::ofstream(root_ / file) << text;
   }
 
-  std::filesystem::path root_;
+  testing::TemporaryFolder temporary_;
+  const std::filesystem::path root_ = temporary_.path();
 };
 
 TEST_F(MachineMemoryTest, IsWhatTheMachineHasWithoutGroups) {

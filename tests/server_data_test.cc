@@ -12,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "tests/server_fixture.h"
 #include "tests/server_process.h"
+#include "tests/temporary_folder.h"
 
 // --data-dir under SIGKILL, on a full disk, and as `treelightd fsck` sees it.
 namespace treelight::testing {
@@ -21,13 +22,6 @@ using ::testing::HasSubstr;
 
 class ServerDataTest : public ::testing::Test {
  protected:
-  ServerDataTest() {
-    std::string folder = std::filesystem::temp_directory_path() / "treelight_data_XXXXXX";
-    folder_ = mkdtemp(folder.data());
-    maps_ = folder_ + "/maps";
-  }
-  ~ServerDataTest() override { std::filesystem::remove_all(folder_); }
-
   std::vector<std::string> Arguments() const {
     return {"--listen", "127.0.0.1:0", "--data-dir", maps_};
   }
@@ -39,7 +33,9 @@ class ServerDataTest : public ::testing::Test {
     return Build(stub, messages, response);
   }
 
-  std::string folder_, maps_;
+  TemporaryFolder temporary_;
+  const std::string folder_ = temporary_.path();
+  const std::string maps_ = folder_ + "/maps";
 };
 
 /// A build that was answered, or a delete.

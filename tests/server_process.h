@@ -18,6 +18,7 @@
 
 #include "grpcpp/create_channel.h"
 #include "grpcpp/security/credentials.h"
+#include "tests/temporary_folder.h"
 #include "treelight/v1/photon_map.grpc.pb.h"
 
 // The program itself: TREELIGHTD is its path.
@@ -32,8 +33,6 @@ class Process {
 
   /// Started by `launcher`, "unshare" and its arguments say.
   Process(std::vector<std::string> launcher, std::vector<std::string> arguments) {
-    std::string folder = std::filesystem::temp_directory_path() / "treelightd_XXXXXX";
-    folder_ = mkdtemp(folder.data());
     arguments.insert(arguments.begin(), TREELIGHTD);
     arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     std::vector<char*> argv;
@@ -52,7 +51,6 @@ class Process {
       kill(pid_, SIGKILL);
       waitpid(pid_, nullptr, 0);
     }
-    std::filesystem::remove_all(folder_);
   }
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
@@ -103,7 +101,8 @@ class Process {
     return text.str();
   }
 
-  std::string folder_;
+  TemporaryFolder temporary_;
+  const std::string folder_ = temporary_.path();
   pid_t pid_ = 0;
 };
 

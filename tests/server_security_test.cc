@@ -15,6 +15,7 @@
 #include "gtest/gtest.h"
 #include "tests/gated_builder.h"
 #include "tests/server_process.h"
+#include "tests/temporary_folder.h"
 
 // Who may call, and how: the program with TLS and tokens, asked by the client library and by
 // `treelight`.
@@ -33,8 +34,6 @@ using ::testing::StartsWith;
 class ServerSecurityTest : public ::testing::Test {
  protected:
   ServerSecurityTest() {
-    std::string folder = std::filesystem::temp_directory_path() / "treelight_tls_XXXXXX";
-    folder_ = mkdtemp(folder.data());
     MakeCa("ca");
     MakeCa("other_ca");
     MakeCertificate("server", "ca", "DNS:localhost,IP:127.0.0.1");
@@ -42,7 +41,6 @@ class ServerSecurityTest : public ::testing::Test {
     MakeCertificate("stranger", "other_ca", "DNS:stranger");
     AddToken("renderer");
   }
-  ~ServerSecurityTest() override { std::filesystem::remove_all(folder_); }
 
   std::string File(const std::string& name) const { return folder_ + "/" + name; }
 
@@ -114,7 +112,8 @@ class ServerSecurityTest : public ::testing::Test {
     return status;
   }
 
-  std::string folder_;
+  TemporaryFolder temporary_;
+  const std::string folder_ = temporary_.path();
 };
 
 TEST_F(ServerSecurityTest, AnAddressForOthersNeedsTlsAndTokensOrInsecure) {

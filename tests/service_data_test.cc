@@ -10,6 +10,7 @@
 #include "tests/forwarding_gatherer.h"
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
+#include "tests/temporary_folder.h"
 
 // Maps in a data folder: over a new start of the server, out of the device and back.
 namespace treelight::testing {
@@ -46,12 +47,7 @@ class SizedBuilder final : public Builder {
 
 class ServiceDataTest : public ServerTest {
  protected:
-  ServiceDataTest() {
-    std::string folder = std::filesystem::temp_directory_path() / "treelight_data_XXXXXX";
-    folder_ = mkdtemp(folder.data());
-    options_.data_folder = folder_ + "/maps";
-  }
-  ~ServiceDataTest() override { std::filesystem::remove_all(folder_); }
+  ServiceDataTest() { options_.data_folder = folder_ + "/maps"; }
 
   void Restart(std::unique_ptr<Builder> builder = MakeBruteForceBuilder()) {
     stub_.reset();
@@ -105,7 +101,8 @@ class ServiceDataTest : public ServerTest {
     return info.device_bytes_used();
   }
 
-  std::string folder_;
+  TemporaryFolder temporary_;
+  const std::string folder_ = temporary_.path();
 };
 
 TEST_F(ServiceDataTest, MapsComeBackWithAllThatIsToldOfThem) {

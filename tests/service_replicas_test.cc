@@ -13,6 +13,7 @@
 #include "gmock/gmock.h"
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
+#include "tests/temporary_folder.h"
 
 // Several servers on one data folder: each answers for what the others build and delete.
 namespace treelight::testing {
@@ -27,15 +28,8 @@ constexpr auto kSettled = 120ms;
 
 class ServiceReplicasTest : public ServerTest {
  protected:
-  ServiceReplicasTest() {
-    std::string folder = std::filesystem::temp_directory_path() / "treelight_replicas_XXXXXX";
-    folder_ = mkdtemp(folder.data());
-    options_.data_folder = folder_ + "/maps";
-  }
-  ~ServiceReplicasTest() override {
-    replicas_.clear();
-    std::filesystem::remove_all(folder_);
-  }
+  ServiceReplicasTest() { options_.data_folder = folder_ + "/maps"; }
+  ~ServiceReplicasTest() override { replicas_.clear(); }
 
   /// Another server on the folder.
   v1::PhotonMapService::Stub& Replica(std::unique_ptr<Builder> builder = MakeBruteForceBuilder()) {
@@ -98,7 +92,8 @@ class ServiceReplicasTest : public ServerTest {
   }
 
   static inline const std::vector<float> kPosition = {0.5f, 0.5f, 0.5f};
-  std::string folder_;
+  TemporaryFolder temporary_;
+  const std::string folder_ = temporary_.path();
   std::vector<
       std::pair<std::unique_ptr<server::Server>, std::unique_ptr<v1::PhotonMapService::Stub>>>
       replicas_;

@@ -25,6 +25,7 @@
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
 #include "tests/server_process.h"
+#include "tests/temporary_folder.h"
 
 // Three servers on one data folder behind nginx with docker/nginx.conf, all on loopback: one is
 // killed, started again and drained while clients gather and build.
@@ -192,8 +193,6 @@ class ReplicasTest : public ::testing::Test {
                    "replicas behind it\n";
       GTEST_SKIP() << "nginx is not installed";
     }
-    std::string folder = std::filesystem::temp_directory_path() / "treelight_nginx_XXXXXX";
-    folder_ = mkdtemp(folder.data());
     std::filesystem::permissions(folder_, std::filesystem::perms(0755));  // for nginx's workers
     Prepare();
     std::vector<std::string> addresses;
@@ -220,7 +219,6 @@ class ReplicasTest : public ::testing::Test {
   void TearDown() override {
     nginx_.reset();
     servers_.clear();
-    if (!folder_.empty()) std::filesystem::remove_all(folder_);
   }
 
   /// What differs where the servers want TLS and tokens.
@@ -333,7 +331,8 @@ class ReplicasTest : public ::testing::Test {
   static inline bool installed_ = false;
   static constexpr GatherOptions kOptions{.k = 5, .outputs = kOutputNeighbors};
   const std::vector<float> positions_ = MakePoints(3, 99);
-  std::string folder_;
+  TemporaryFolder temporary_;
+  const std::string folder_ = temporary_.path();
   std::vector<std::string> addresses_;
   std::vector<std::unique_ptr<Process>> servers_;
   std::unique_ptr<Nginx> nginx_;
