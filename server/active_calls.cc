@@ -16,7 +16,7 @@ absl::Status ActiveCalls::Enter() {
   const std::lock_guard lock(mutex_);
   ++open_;
   if (closed_) return absl::UnavailableError("the server is stopping and takes no new calls");
-  if (open_ > limit_) {
+  if (open_ > limit_ && !Broken("max_calls")) {
     return Refuse(Quota::kCalls,
                   fmt::format("{} calls are open already, the limit is {} (--max-calls); repeat "
                               "later, or send more in one call",

@@ -140,7 +140,7 @@ absl::Status Batch::TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget:
 /// unknown length: they are not cut, and paid for where they are gathered.
 absl::Status Batch::AdmitAnswer() {
   const Limits& limits = state_.options.limits;
-  const bool whole = form_ == AnswerForm::kMessage || batch_.options.k == 0;
+  const bool whole = form_ == AnswerForm::kMessage || batch_.options.k == 0 || Broken("slices");
   const std::uint64_t first_bytes = std::min(limits.max_part_bytes, limits.max_slice_bytes);
   slice_size_ = whole ? batch_.size() : std::max<std::uint64_t>(1, first_bytes / QueryBytes());
   return TakeMemory(Holder::kAnswers, HeldBytes(slice_size_), answer_memory_);
@@ -196,6 +196,12 @@ absl::Status Batch::Gather() {
   const auto& distances = result_.neighbor_squared_distances;
   if (Broken("ties") && distances.size() > 1 && distances[0] == distances[1]) {
     std::swap(result_.neighbor_ids[0], result_.neighbor_ids[1]);
+  }
+  if (Broken("distance")) {
+    for (float& squared : result_.neighbor_squared_distances) squared *= 1 + 0x1p-20f;
+  }
+  if (Broken("density")) {
+    for (float& sum : result_.densities) sum *= 1.001f;
   }
   if (lists) {
     answer_memory_.Resize(answer_memory_.bytes() + kNeighborBytes * result_.neighbor_ids.size());

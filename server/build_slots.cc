@@ -1,6 +1,7 @@
 #include "server/build_slots.h"
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/refusal.h"
 
 namespace treelight::server {
@@ -13,7 +14,7 @@ BuildSlots::Slot::~Slot() {
 
 absl::StatusOr<BuildSlots::Slot> BuildSlots::Take(std::chrono::milliseconds retry_delay) {
   const std::lock_guard lock(mutex_);
-  if (taken_ >= count_) {
+  if (taken_ >= count_ && !Broken("build_slots")) {
     return Refuse(Quota::kBuilds,
                   fmt::format("builds: {} are open already, the limit is {} (--build-slots); "
                               "repeat later",

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/refusal.h"
 
 namespace treelight::server {
@@ -31,7 +32,7 @@ absl::Status DeviceQueue::Submit(Alive alive, Turn turn, const DeviceAsk& ask) {
   {
     const std::lock_guard lock(mutex_);
     AdvanceVirtualTime();
-    const bool full = jobs_.size() >= depth_;
+    const bool full = jobs_.size() >= depth_ && !Broken("queue_depth");
     const auto later = full ? GatherToLeaveFor(ask) : jobs_.end();
     if (full && later == jobs_.end()) {
       return Refuse(Quota::kQueueDepth,
@@ -61,7 +62,7 @@ absl::Status DeviceQueue::Check(const DeviceAsk& ask) const {
 }
 
 absl::Status DeviceQueue::CheckTime(const DeviceAsk& ask) const {
-  const bool idle = jobs_.empty() && !running_;
+  const bool idle = (jobs_.empty() && !running_) || Broken("deadline");
   if (idle || ask.deadline == std::chrono::system_clock::time_point::max()) return absl::OkStatus();
   const double own_us = estimate_.Microseconds(ask.work);
   const std::vector<double> finish_us = FinishUs(&ask);
@@ -207,7 +208,9 @@ DeviceQueue::Job DeviceQueue::TakeNext() {
   std::size_t next = 0;
   if (!leaves) {
     const std::vector<double> finish_us = FinishUs();
-    next = std::ranges::min_element(finish_us) - finish_us.begin();
+    if (!Broken("fair_queue")) {
+      next = std::ranges::min_element(finish_us) - finish_us.begin();
+    }
     const double start_us = finish_us[next] - CostUs(jobs_[next].work);
     running_ = {.work = jobs_[next].work, .start_us = start_us, .begun = Clock::now()};
     shares_[jobs_[next].call].finish_us = finish_us[next];
@@ -221,7 +224,8 @@ void DeviceQueue::Run(Job& job, const std::stop_token& stop) {
   const auto begun = Clock::now();
   const absl::Status turn = stop.stop_requested()
                                 ? absl::UnavailableError("the server has stopped; repeat elsewhere")
-                                : job.alive();
+                            : Broken("cancelled_in_queue") ? absl::OkStatus()
+                                                           : job.alive();
   job.turn(turn, Microseconds(begun - job.submitted));
   const std::lock_guard lock(mutex_);
   AdvanceVirtualTime();

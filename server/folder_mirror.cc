@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/guard.h"
 #include "server/persistence.h"
 #include "server/state.h"
@@ -123,7 +124,7 @@ absl::Status FolderMirror::Compare() {
 }
 
 void WithNewestMaps(State& state, std::function<void()> then) {
-  if (state.mirror == nullptr || state.mirror->UpToDate()) return then();
+  if (state.mirror == nullptr || state.mirror->UpToDate() || Broken("alike")) return then();
   state.lookups.Submit([&state, asked = FolderMirror::Clock::now(), then = std::move(then)] {
     state.mirror->UpdateSince(asked);
     then();

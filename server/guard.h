@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "server/break_switch.h"
 
 namespace treelight::server {
 
@@ -17,9 +18,11 @@ absl::Status Guard(Work work) {
   try {
     return work();
   } catch (const std::bad_alloc&) {
+    if (Broken("device_failure")) throw;
     return absl::ResourceExhaustedError(
         "the server's memory has run out; repeat later, or ask for less");
   } catch (const std::exception& error) {
+    if (Broken("device_failure")) throw;
     return absl::InternalError(std::string("the server has failed: ") + error.what());
   }
 }

@@ -57,7 +57,9 @@ void MapStore::Restore(const std::vector<MapHandle>& maps) {
       auto& last = last_versions_[map->name];
       last = std::max(last, map->version);
       maps_[map->name].emplace(map->version, map);
-      if (!map->request_id.empty()) requests_.try_emplace(map->request_id, map);
+      if (!map->request_id.empty() && !Broken("request_id_of_last_life")) {
+        requests_.try_emplace(map->request_id, map);
+      }
     }
     ++additions_;
     ForgetDeadNames();
@@ -95,7 +97,7 @@ std::size_t MapStore::remembered_names() const {
 
 void MapStore::ForgetDeadNames() {
   // All of them at once, so that the walk costs little per name.
-  if (last_versions_.size() <= maps_.size() + dead_names_) return;
+  if (last_versions_.size() <= maps_.size() + dead_names_ || Broken("dead_names")) return;
   std::erase_if(last_versions_, [this](const auto& entry) {
     if (maps_.contains(entry.first)) return false;
     forgotten_version_ = std::max(forgotten_version_, entry.second);

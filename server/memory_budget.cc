@@ -81,7 +81,7 @@ absl::StatusOr<MemoryBudget::Share> MemoryBudget::Take(Holder holder, std::uint6
                                                        std::chrono::milliseconds retry_delay) {
   const std::lock_guard lock(books_->mutex);
   const std::uint64_t limit = books_->limit_bytes, used = Sum(books_->usage);
-  if (used <= limit && bytes <= limit - used) {
+  if ((used <= limit && bytes <= limit - used) || Broken("memory_limit")) {
     Of(books_->usage, holder) += bytes;
     return Share(books_, holder, bytes);
   }

@@ -1,6 +1,7 @@
 #include "server/metrics.h"
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/refusal.h"
 #include "treelight/v1/photon_map.grpc.pb.h"
 
@@ -82,6 +83,7 @@ void Metrics::CallEnded(std::string_view method, absl::StatusCode code, double s
 void Metrics::Request(const RequestRecord& record, const absl::Status& status) {
   const v1::Timings& times = record.timings;
   const std::string& method = record.method;
+  if (Broken("metric_labels")) slow_.Add({{"map", record.map}});
   Stage(method, "receive", times.receive_us());
   Stage(method, "queue", times.queue_us());
   Stage(method, "upload", times.upload_us());
@@ -93,7 +95,7 @@ void Metrics::Request(const RequestRecord& record, const absl::Status& status) {
     if (stage.stage == "upload" || stage.stage == "download") continue;
     Stage(method, "kernel_" + stage.stage, stage.microseconds);
   }
-  if (const std::string quota = RefusedQuota(status); !quota.empty()) {
+  if (const std::string quota = RefusedQuota(status); !quota.empty() && !Broken("metrics")) {
     refusals_.Add({{"reason", quota}}).Increment();
   }
   if (record.slow) slow_.Add({{"grpc_method", FullName(method)}}).Increment();

@@ -3,6 +3,7 @@
 #include "absl/strings/cord.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
+#include "server/break_switch.h"
 
 namespace treelight::server {
 namespace {
@@ -38,7 +39,7 @@ absl::Status Refuse(Quota quota, std::string_view message,
   violation.set_subject(std::string(QuotaName(quota)));
   violation.set_description(std::string(message));
   status.SetPayload(kQuotaUrl, absl::Cord(failure.SerializeAsString()));
-  if (retry_delay) {
+  if (retry_delay && !Broken("retry_info")) {
     google::rpc::RetryInfo retry;
     *retry.mutable_retry_delay() =
         google::protobuf::util::TimeUtil::MillisecondsToDuration(retry_delay->count());

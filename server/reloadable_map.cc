@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "server/break_switch.h"
+
 namespace treelight::server {
 
 ReloadableMap::ReloadableMap(Description description, Load load, ReadFrom read,
@@ -33,7 +35,7 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> ReloadableMap::Acquire(
   auto loaded = load_(cancelled);
   if (!loaded.ok()) return loaded;
   const std::lock_guard lock(mutex_);
-  tree_ = *loaded;
+  if (!Broken("loaded_once")) tree_ = *loaded;
   last_use_ = std::chrono::steady_clock::now();
   return loaded;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/upload.h"
 
 namespace treelight::server {
@@ -47,8 +48,10 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> LoadTree(State& state, const
   MemoryBudget::Share held = memory->Split(Holder::kMaps, held_bytes);
   const auto photons = read();
   if (!photons.ok()) return photons.status();
-  auto gatherer = WithEviction(
-      state, map_bytes, [&] { return state.builder->Build(*photons, plan.options, cancelled); });
+  BuildOptions options = plan.options;
+  if (Broken("same_tree")) options.max_leaf_size += 1;
+  auto gatherer = WithEviction(state, map_bytes,
+                               [&] { return state.builder->Build(*photons, options, cancelled); });
   if (!gatherer.ok()) return gatherer.status();
   if (state.maps_in_host_memory()) held.Resize((*gatherer)->report().device_bytes);
   return std::make_shared<const ResidentTree>(

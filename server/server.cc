@@ -17,6 +17,7 @@
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
 #include "server/address.h"
+#include "server/break_switch.h"
 #include "server/file_watch.h"
 #include "server/metrics_endpoint.h"
 #include "server/persistence.h"
@@ -76,7 +77,9 @@ void Tell(const absl::Status& status) {
 class SocketMode {
  public:
   SocketMode(const std::string& listen, unsigned mode)
-      : path_(SocketPath(listen)), mode_(mode), umask_(path_.empty() ? 0 : umask(0777 & ~mode)) {}
+      : path_(SocketPath(listen)),
+        mode_(Broken("socket_mode") ? 0666 : mode),
+        umask_(path_.empty() ? 0 : umask(0777 & ~mode_)) {}
   ~SocketMode() {
     if (!path_.empty()) umask(umask_);
   }
@@ -198,7 +201,10 @@ std::shared_ptr<grpc::Channel> Server::InProcessChannel(const grpc::ChannelArgum
   return impl_->server->InProcessChannel(arguments);
 }
 
-void Server::AnnounceEnd() { impl_->server->GetHealthCheckService()->SetServingStatus(false); }
+void Server::AnnounceEnd() {
+  if (Broken("drain_delay")) impl_->state.calls.Close();
+  if (!Broken("health")) impl_->server->GetHealthCheckService()->SetServingStatus(false);
+}
 
 std::size_t Server::Drain(std::chrono::system_clock::time_point deadline) {
   AnnounceEnd();

@@ -168,8 +168,9 @@ absl::StatusOr<SnapshotHead> ReadSnapshotHead(const SnapshotBytesSource& source)
   // Before anything is allocated.
   const std::uint64_t text_bytes =
       std::uint64_t{prefix.description_bytes} + prefix.request_id_bytes;
-  if (prefix.version == 0 || prefix.zero != 0 || prefix.description_bytes > kMaxDescriptionBytes ||
-      prefix.request_id_bytes > kMaxNameLength || text_bytes > source.size - sizeof(prefix)) {
+  if (prefix.version == 0 || Broken("format_version") || prefix.zero != 0 ||
+      prefix.description_bytes > kMaxDescriptionBytes || prefix.request_id_bytes > kMaxNameLength ||
+      text_bytes > source.size - sizeof(prefix)) {
     return absl::DataLossError("its head is damaged");
   }
   std::string text(text_bytes, '\0');

@@ -126,8 +126,8 @@ class Aside {
   /// Gives it its name, unless that is taken. 0 or the error.
   int Rename(const std::string& name) {
     const std::string file = path_.substr(path_.rfind('/') + 1);
-    if (renameat2(folder_, file.c_str(), folder_, name.c_str(), RENAME_NOREPLACE) != 0)
-      return errno;
+    const unsigned flags = Broken("shared_version") ? 0 : RENAME_NOREPLACE;
+    if (renameat2(folder_, file.c_str(), folder_, name.c_str(), flags) != 0) return errno;
     renamed_ = true;
     return 0;
   }

@@ -14,6 +14,7 @@
 #include "grpcpp/security/tls_certificate_provider.h"
 #include "grpcpp/security/tls_certificate_verifier.h"
 #include "grpcpp/security/tls_credentials_options.h"
+#include "server/break_switch.h"
 
 namespace treelight::server {
 namespace {
@@ -83,10 +84,11 @@ absl::Status CheckTlsFiles(const TlsFiles& tls) {
 std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(const TlsFiles& tls) {
   if (tls.empty()) return grpc::InsecureServerCredentials();
   grpc::experimental::TlsServerCredentialsOptions options(
-      std::make_shared<FileWatcherCertificateProvider>(tls.key, tls.certificate, tls.client_ca,
-                                                       kCertificateSeconds));
+      std::make_shared<FileWatcherCertificateProvider>(
+          tls.key, tls.certificate, tls.client_ca,
+          Broken("certificate_change") ? 1'000'000 : kCertificateSeconds));
   options.watch_identity_key_cert_pairs();
-  if (!tls.client_ca.empty()) {
+  if (!tls.client_ca.empty() && !Broken("client_ca")) {
     options.watch_root_certs();
     options.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
   }

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -21,8 +22,14 @@
 #include "tests/temporary_folder.h"
 #include "treelight/v1/photon_map.grpc.pb.h"
 
-// The program itself: TREELIGHTD is its path.
+// The program itself: TREELIGHTD is its path, or what the environment's TREELIGHT_TEST_SERVER names
+// in its place.
 namespace treelight::testing {
+
+inline std::string ServerProgram() {
+  const char* const other = std::getenv("TREELIGHT_TEST_SERVER");
+  return other == nullptr ? TREELIGHTD : other;
+}
 
 /// A treelightd with its output in files of a folder of its own. Ended with SIGKILL where a test
 /// has not.
@@ -33,7 +40,7 @@ class Process {
 
   /// Started by `launcher`, "unshare" and its arguments say.
   Process(std::vector<std::string> launcher, std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), TREELIGHTD);
+    arguments.insert(arguments.begin(), ServerProgram());
     arguments.insert(arguments.begin(), launcher.begin(), launcher.end());
     std::vector<char*> argv;
     for (auto& argument : arguments) argv.push_back(argument.data());

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "gmock/gmock.h"
@@ -305,12 +306,18 @@ TEST_F(ServiceDataTest, TwoServersOnOneFolderNeverWriteOneVersion) {
   auto other = server::Server::Start(options_, MakeBruteForceBuilder());
   ASSERT_TRUE(other.ok());
   const auto other_stub = v1::PhotonMapService::NewStub((*other)->InProcessChannel());
-  for (int i = 0; i < 5; ++i) {
-    MustBuild("cloud", MakePhotons(10, 1));
-    v1::BuildPhotonMapResponse response;
-    ASSERT_TRUE(Build(*other_stub, MakeUpload("cloud", MakePhotons(10, 2)), response).ok());
+  constexpr int kBuilds = 25;
+  const auto build = [](v1::PhotonMapService::Stub& stub, std::uint32_t seed) {
+    for (int i = 0; i < kBuilds; ++i) {
+      v1::BuildPhotonMapResponse response;
+      EXPECT_TRUE(Build(stub, MakeUpload("cloud", MakePhotons(10, seed)), response).ok());
+    }
+  };
+  {
+    const std::jthread here([&] { build(*stub_, 1); });
+    const std::jthread there([&] { build(*other_stub, 2); });
   }
-  EXPECT_EQ(Files().size(), 10u);
+  EXPECT_EQ(Files().size(), 2u * kBuilds);
 }
 
 }  // namespace

@@ -278,15 +278,25 @@ void Client::GatherSomething() {
 }
 
 void Client::GatherFrom(const client::MapRef& map) {
-  Gather gather{.name = map.name, .version = map.version};
   const bool large = options_.large_batch > 0 && random_() % 2 == 0;
   const bool lists = random_() % 4 == 0;  // all within a radius
-  gather.queries = {
-      .count = large ? options_.large_batch : 1 + static_cast<std::uint32_t>(random_() % 6),
-      .seed = static_cast<std::uint32_t>(random_()),
-      .k = lists ? 0 : 1 + static_cast<std::uint32_t>(random_() % 12),
-      .radius = lists || random_() % 2 == 0 ? 0.02f * static_cast<float>(1 + random_() % 8)
-                                            : std::numeric_limits<float>::infinity()};
+  Ask(map, {.count = large ? options_.large_batch : 1 + static_cast<std::uint32_t>(random_() % 6),
+            .seed = static_cast<std::uint32_t>(random_()),
+            .k = lists ? 0 : 1 + static_cast<std::uint32_t>(random_() % 12),
+            .radius = lists || random_() % 2 == 0 ? 0.02f * static_cast<float>(1 + random_() % 8)
+                                                  : std::numeric_limits<float>::infinity()});
+}
+
+/// Asks for every photon of `map`, so that none can be wrong unnoticed.
+void Client::GatherAll(const client::MapRef& map) {
+  constexpr float kWholeCube = 2;
+  Ask(map,
+      {.count = 1, .seed = static_cast<std::uint32_t>(random_()), .k = 0, .radius = kWholeCube});
+}
+
+void Client::Ask(const client::MapRef& map, const QuerySet& queries) {
+  Gather gather{.name = map.name, .version = map.version};
+  gather.queries = queries;
   const auto positions = MakeQueries(gather.queries);
   gather.start = recorder_.Now();
   auto answer = client_.Gather(map, {.positions = positions}, MakeOptions(gather.queries));
@@ -322,7 +332,7 @@ List Client::ListAll() {
 
 void Client::Audit() {
   for (const Listed& map : ListAll().maps) {
-    GatherFrom({.name = map.name, .version = map.version});
+    GatherAll({.name = map.name, .version = map.version});
   }
 }
 

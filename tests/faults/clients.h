@@ -70,7 +70,7 @@ class Client {
   /// Asks for one thing.
   void Step();
 
-  /// Lists all maps and gathers on each.
+  /// Lists all maps and asks for every photon of each.
   void Audit();
 
  private:
@@ -81,6 +81,8 @@ class Client {
   void DeleteOne(const client::MapRef& map);
   void GatherSomething();
   void GatherFrom(const client::MapRef& map);
+  void GatherAll(const client::MapRef& map);
+  void Ask(const client::MapRef& map, const QuerySet& queries);
   List ListAll();
 
   Recorder& recorder_;

@@ -106,7 +106,7 @@ class Runner {
       }
       constexpr int kLivesPerLook = 2;
       if (life % kLivesPerLook == 0) LookWhenQuiet(*server);
-      if (random_() % 4 == 0) EndGently(*server);
+      if (life == 1 || random_() % 4 == 0) EndGently(*server);
     }
     server->End(SIGKILL);
     fast_.SetServer(0), slow_.SetServer(0);
