@@ -28,6 +28,7 @@ std::string AnswerCsvHeader(std::uint32_t outputs) {
   if (outputs & kOutputRadius) header += ",radius";
   if (outputs & kOutputDensity) header += ",density_red,density_green,density_blue";
   if (outputs & kOutputStatistics) header += ",nodes_visited,distance_tests";
+  if (outputs & kOutputErrorBound) header += ",error_bound";
   if (outputs & kOutputNeighbors) header += ",neighbor_ids,neighbor_squared_distances";
   return header + "\n";
 }
@@ -47,6 +48,7 @@ std::string AnswerCsvLines(const GatherResult& result, std::uint32_t outputs, st
     if (outputs & kOutputStatistics) {
       fmt::format_to(out, ",{},{}", result.nodes_visited[i], result.distance_tests[i]);
     }
+    if (outputs & kOutputErrorBound) fmt::format_to(out, ",{}", result.error_bounds[i]);
     if (outputs & kOutputNeighbors) {
       const auto [first, last] = Neighbors(result, k, i);
       const auto ids = result.neighbor_ids.begin();

@@ -15,6 +15,7 @@ namespace treelight::client {
 ///   radius                                 RADIUS, scene units, inf where unlimited
 ///   density_red,density_green,density_blue  DENSITY
 ///   nodes_visited,distance_tests           STATISTICS
+///   error_bound                            ERROR_BOUND, inf where nothing is known
 ///   neighbor_ids,neighbor_squared_distances  NEIGHBORS, each a list with blanks between, nearest
 ///   first
 std::string AnswerCsvHeader(std::uint32_t outputs);

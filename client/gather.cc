@@ -62,7 +62,8 @@ bool FitsMessage(std::uint64_t query_count, const GatherOptions& options,
   const std::uint64_t query_bytes =
       (Wants(options, kOutputCount) ? 4 : 0) + (Wants(options, kOutputRadius) ? 4 : 0) +
       (Wants(options, kOutputNeighbors) ? 8 * std::uint64_t{options.k} : 0) +
-      (Wants(options, kOutputDensity) ? 12 : 0) + (Wants(options, kOutputStatistics) ? 8 : 0);
+      (Wants(options, kOutputDensity) ? 12 : 0) + (Wants(options, kOutputStatistics) ? 8 : 0) +
+      (Wants(options, kOutputErrorBound) ? 4 : 0);
   return query_count * query_bytes + kEnvelopeBytes <= limits.max_message_bytes();
 }
 
@@ -113,6 +114,8 @@ void AddTimings(const v1::Timings& part, v1::Timings& sum) {
 
 void AppendAnswer(GatherAnswer part, GatherAnswer& whole) {
   AddTimings(part.timings, whole.timings);
+  whole.errors.inexact_count += part.errors.inexact_count;
+  whole.errors.largest_bound = std::max(whole.errors.largest_bound, part.errors.largest_bound);
   AppendResult(std::move(part.result), whole.result);
 }
 

@@ -17,7 +17,8 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "arrays travel as they are in memory");
 static_assert(kOutputCount == v1::OUTPUT_COUNT && kOutputRadius == v1::OUTPUT_RADIUS &&
               kOutputNeighbors == v1::OUTPUT_NEIGHBORS && kOutputDensity == v1::OUTPUT_DENSITY &&
-              kOutputStatistics == v1::OUTPUT_STATISTICS);
+              kOutputStatistics == v1::OUTPUT_STATISTICS &&
+              kOutputErrorBound == v1::OUTPUT_ERROR_BOUND);
 
 v1::DensityKernel ToWire(DensityKernel kernel) {
   switch (kernel) {
@@ -98,6 +99,10 @@ v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
   request.set_normals(Bytes(queries.normals));
   request.set_outputs(options.outputs);
   request.set_kernel(ToWire(options.kernel));
+  if (options.approximation.any()) {
+    request.mutable_approximation()->set_epsilon(options.approximation.epsilon);
+    request.mutable_approximation()->set_max_leaves(options.approximation.max_leaves);
+  }
   return request;
 }
 
@@ -110,6 +115,7 @@ void AppendResult(GatherResult part, GatherResult& whole) {
   AppendVector(part.densities, whole.densities);
   AppendVector(part.nodes_visited, whole.nodes_visited);
   AppendVector(part.distance_tests, whole.distance_tests);
+  AppendVector(part.error_bounds, whole.error_bounds);
   whole.times.upload_us += part.times.upload_us;
   whole.times.kernel_us += part.times.kernel_us;
   whole.times.download_us += part.times.download_us;
@@ -130,6 +136,8 @@ absl::Status AnswerAssembly::Add(const v1::GatherResponse& part) {
   if (const auto status = AddArrays(part); !status.ok()) return status;
   if (const auto status = AddNeighbors(part); !status.ok()) return status;
   received_count_ += part.query_count();
+  answer_.errors.inexact_count += part.inexact_count();
+  answer_.errors.largest_bound = std::max(answer_.errors.largest_bound, part.largest_error_bound());
   if (!complete()) return absl::OkStatus();
   answer_.timings = part.timings();
   answer_.result.times = {.upload_us = part.timings().upload_us(),
@@ -175,7 +183,9 @@ absl::Status AnswerAssembly::AddArrays(const v1::GatherResponse& part) {
         AppendArray("nodes_visited", part.nodes_visited(), count(kOutputStatistics, 1),
                     result.nodes_visited),
         AppendArray("distance_tests", part.distance_tests(), count(kOutputStatistics, 1),
-                    result.distance_tests)}) {
+                    result.distance_tests),
+        AppendArray("error_bounds", part.error_bounds(), count(kOutputErrorBound, 1),
+                    result.error_bounds)}) {
     if (!status.ok()) return status;
   }
   return absl::OkStatus();

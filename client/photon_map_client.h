@@ -56,9 +56,16 @@ struct RebuildOptions {
   std::string request_id{};  ///< empty: a random one, so that a retry inside the library is safe
 };
 
+/// What an approximate answer tells of its errors; see GatherResult::error_bounds.
+struct ErrorSummary {
+  std::uint64_t inexact_count = 0;  ///< queries whose bound is not 0
+  float largest_bound = 0;          ///< of all queries, may be +inf
+};
+
 /// Answer of a batch, and which version gave it.
 struct GatherAnswer {
-  GatherResult result{};
+  GatherResult result{};  ///< with error bounds only where kOutputErrorBound was asked for
+  ErrorSummary errors{};  ///< zeros of an exact answer
   MapRef map{};
   v1::Timings timings{};  ///< as the server measured them; of several batches, the sum
 };

@@ -1,6 +1,8 @@
 #include "core/gatherer.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "absl/status/status.h"
 #include "fmt/format.h"
@@ -8,8 +10,8 @@
 namespace treelight {
 namespace {
 
-constexpr std::uint32_t kAllOutputs =
-    kOutputCount | kOutputRadius | kOutputNeighbors | kOutputDensity | kOutputStatistics;
+constexpr std::uint32_t kAllOutputs = kOutputCount | kOutputRadius | kOutputNeighbors |
+                                      kOutputDensity | kOutputStatistics | kOutputErrorBound;
 
 absl::Status CheckPositions(std::span<const float> positions) {
   if (positions.size() % 3 != 0) {
@@ -68,7 +70,37 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
   return absl::OkStatus();
 }
 
+absl::Status CheckApproximation(const GatherOptions& options) {
+  const Approximation& approximation = options.approximation;
+  if (!(approximation.epsilon >= 0) || std::isinf(approximation.epsilon)) {
+    return absl::InvalidArgumentError(fmt::format(
+        "approximation.epsilon is {}, it must be finite and >= 0", approximation.epsilon));
+  }
+  if ((options.outputs & kOutputErrorBound) != 0 && !approximation.any()) {
+    return absl::InvalidArgumentError(
+        "outputs: ERROR_BOUND is for approximate answers; set a field of approximation");
+  }
+  if (options.k > 0 || !approximation.any()) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "approximation.{}, but k is 0: it is for the k nearest, give k > 0",
+      approximation.epsilon > 0 ? fmt::format("epsilon is {}", approximation.epsilon)
+                                : fmt::format("max_leaves is {}", approximation.max_leaves)));
+}
+
 }  // namespace
+
+float Approximation::squared_stretch() const {
+  const double stretch = 1 + double{epsilon};
+  return std::max(1.0f, std::nextafter(static_cast<float>(stretch * stretch), 0.0f));
+}
+
+float NearestErrorBound(bool full, float farthest, float given_up) {
+  constexpr float kNone = std::numeric_limits<float>::infinity();
+  if (!full) return given_up < kNone ? kNone : 0;
+  if (!(given_up < farthest)) return 0;
+  // Above the roundings of the quotient and the root.
+  return std::sqrt(farthest / given_up) * (1 + 0x1p-22f) - 1;
+}
 
 absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,
                          const GatherOptions& options) {
@@ -87,8 +119,9 @@ absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,
     return absl::InvalidArgumentError(
         fmt::format("kernel is {}, no such kernel", static_cast<std::uint32_t>(options.kernel)));
   }
-  for (const absl::Status& status : {CheckPositions(queries.positions),
-                                     CheckRadii(queries, options), CheckNormals(map, queries)}) {
+  for (const absl::Status& status :
+       {CheckPositions(queries.positions), CheckRadii(queries, options), CheckNormals(map, queries),
+        CheckApproximation(options)}) {
     if (!status.ok()) return status;
   }
   const bool lists = (options.outputs & kOutputNeighbors) != 0;

@@ -26,6 +26,24 @@ enum class DensityKernel : std::uint32_t {
   kEpanechnikov = kKernelEpanechnikov,  ///< 2 (1 - d^2/R^2) / (pi R^2)
 };
 
+/// What an answer may give up for speed. Zeros: nothing, the answer is exact.
+struct Approximation {
+  /// (1 + epsilon)-nearest neighbours (Arya et al. 1998), where k > 0: each distance that is
+  /// returned is at most 1 + epsilon times the true one of its rank; which photons count as found,
+  /// and how many, stays exact where there are less than k within the radius. >= 0, finite.
+  float epsilon = 0;
+  /// Leaves whose photons a query compares at most, where k > 0, the nearest first; leaves that
+  /// hold few photons together may count as one (blocks of kBlockSize). 0: no limit.
+  std::uint32_t max_leaves = 0;
+
+  /// Whether an answer of the k nearest may differ from the exact one.
+  bool any() const { return epsilon > 0 || max_leaves > 0; }
+  /// (1 + epsilon)^2, rounded down: a box whose squared distance, times this, is above that of the
+  /// k-th candidate need not be entered.
+  float squared_stretch() const;
+  friend bool operator==(const Approximation&, const Approximation&) = default;
+};
+
 /// What to gather around each query.
 struct GatherOptions {
   /// Neighbours kept: the k with the smallest (squared distance, photon index). 0 means all within
@@ -35,6 +53,7 @@ struct GatherOptions {
       std::numeric_limits<float>::infinity();  ///< r, scene units, >= 0; within means d2 <= r*r
   std::uint32_t outputs = kOutputCount;        ///< mask of kOutput bits, not 0
   DensityKernel kernel = DensityKernel::kEpanechnikov;
+  Approximation approximation{};
   /// Neighbours in the lists of the whole batch, at most; counted before they are listed.
   std::uint64_t max_neighbors = std::numeric_limits<std::uint64_t>::max();
 };
@@ -75,6 +94,13 @@ struct GatherResult {
   std::vector<std::uint32_t>
       nodes_visited;  ///< [m] inner nodes + leaves whose content was examined
   std::vector<std::uint32_t> distance_tests;  ///< [m] photons compared
+  /// [m] where GatherOptions::approximation asks for one, with kOutputErrorBound and without; else
+  /// empty: what is known of the error of
+  /// each query. Distances, of each rank, are at most 1 + bound times the true ones, as float32
+  /// computes them; 0: all distances, and how many there are, are exact, and of several photons at
+  /// the k-th distance any may be there; +inf: nothing is known, mostly since less than k were
+  /// found and there may be more.
+  std::vector<float> error_bounds;
   GatherTimes times;
 };
 
@@ -97,16 +123,22 @@ struct BuildReport {
   TreeStatistics tree;  ///< zeros for brute force
 };
 
+/// Bound of GatherResult::error_bounds for the k nearest photons of one query.
+/// @param full      k were found, the farthest at squared distance `farthest`
+/// @param given_up  squared distance of the nearest subtree that was left out and might have held
+///                  one of the k; +inf: none
+float NearestErrorBound(bool full, float farthest, float given_up);
+
 /// A photon map that answers gathers. Immutable; safe to call from several threads at once.
 class Gatherer {
  public:
   virtual ~Gatherer() = default;
 
-  /// Answers every query, exactly. Blocks until the answers are here.
-  /// INVALID_ARGUMENT: k and radius both unlimited, k over kMaxNeighbors, outputs 0 or unknown,
-  /// arrays of unequal length, DENSITY of a map without powers, normals for a map without
-  /// directions. RESOURCE_EXHAUSTED: the answer or its work space does not fit the device.
-  /// CANCELLED: `cancelled` said so.
+  /// Answers every query, exactly unless GatherOptions::approximation says otherwise. Blocks until
+  /// the answers are here. INVALID_ARGUMENT: k and radius both unlimited, k over kMaxNeighbors,
+  /// outputs 0 or unknown, arrays of unequal length, an approximation that is not possible, DENSITY
+  /// of a map without powers, normals for a map without directions. RESOURCE_EXHAUSTED: the answer
+  /// or its work space does not fit the device. CANCELLED: `cancelled` said so.
   virtual absl::StatusOr<GatherResult> Gather(const GatherQueries& queries,
                                               const GatherOptions& options,
                                               const CancelCheck& cancelled = {}) const = 0;

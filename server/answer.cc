@@ -20,6 +20,7 @@ bool Wants(const GatherOptions& options, std::uint32_t output) {
 std::uint64_t FixedBytes(const GatherOptions& options) {
   return (Wants(options, kOutputCount) ? 4 : 0) + (Wants(options, kOutputRadius) ? 4 : 0) +
          (Wants(options, kOutputDensity) ? 12 : 0) + (Wants(options, kOutputStatistics) ? 8 : 0) +
+         (Wants(options, kOutputErrorBound) ? 4 : 0) +
          (Wants(options, kOutputNeighbors) && options.k == 0 ? 8 : 0);
 }
 
@@ -29,6 +30,22 @@ std::string Slice(const std::vector<T>& array, std::size_t per_query, std::size_
                   std::size_t last) {
   if (array.empty()) return {};
   return ToWire(std::span<const T>(array).subspan(first * per_query, (last - first) * per_query));
+}
+
+/// What an approximate part tells of its errors.
+void WriteErrors(const GatherResult& result, const GatherOptions& options, std::size_t first,
+                 std::size_t last, v1::GatherResponse& response) {
+  if (!options.approximation.any()) return;
+  const auto bounds = std::span(result.error_bounds).subspan(first, last - first);
+  response.set_approximate(true);
+  response.set_inexact_count(static_cast<std::uint32_t>(
+      std::count_if(bounds.begin(), bounds.end(), [](float bound) { return bound > 0; })));
+  if (!bounds.empty()) {
+    response.set_largest_error_bound(*std::max_element(bounds.begin(), bounds.end()));
+  }
+  if (Wants(options, kOutputErrorBound)) {
+    response.set_error_bounds(Slice(result.error_bounds, 1, first, last));
+  }
 }
 
 }  // namespace
@@ -84,6 +101,7 @@ void WritePart(const GatherResult& result, const GatherOptions& options, std::si
   response.set_densities(Slice(result.densities, 3, first, last));
   response.set_nodes_visited(Slice(result.nodes_visited, 1, first, last));
   response.set_distance_tests(Slice(result.distance_tests, 1, first, last));
+  WriteErrors(result, options, first, last, response);
   if (!Wants(options, kOutputNeighbors)) return;
   if (options.k > 0) {
     response.set_neighbor_ids(Slice(result.neighbor_ids, options.k, first, last));

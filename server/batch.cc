@@ -100,6 +100,7 @@ void Batch::Describe(const v1::GatherRequest& request) {
   record_.k = request.k();
   record_.radius = request.has_radius() ? request.radius() : std::numeric_limits<float>::infinity();
   record_.own_radii = !request.radii().empty();
+  if (request.has_approximation()) record_.approximation = request.approximation();
   record_.bytes_in = request.ByteSizeLong();
 }
 

@@ -158,7 +158,9 @@ absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const 
       .k = request.k(),
       .radius = request.has_radius() ? request.radius() : std::numeric_limits<float>::infinity(),
       .outputs = request.outputs(),
-      .kernel = *kernel};
+      .kernel = *kernel,
+      .approximation = {.epsilon = request.approximation().epsilon(),
+                        .max_leaves = request.approximation().max_leaves()}};
   AppendFromWire(request.positions(), batch.positions);
   AppendFromWire(request.normals(), batch.normals);
   AppendFromWire(request.radii(), batch.radii);

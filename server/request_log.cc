@@ -66,6 +66,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   } else if (record.radius) {
     json["r"] = FormatRadius(*record.radius);
   }
+  if (record.approximation) json["approximation"] = FormatMessage(*record.approximation);
   json["bytes_in"] = record.bytes_in;
   json["bytes_out"] = record.bytes_out;
   const v1::Timings& times = record.timings;

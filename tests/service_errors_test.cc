@@ -100,8 +100,8 @@ TEST_F(ServiceErrorsTest, ABadBatchNamesFieldIndexAndValue) {
         "INVALID_ARGUMENT: normals: 4 bytes, expected 24 (12 bytes for each of 2 queries) or none");
   check([](auto& r) { r.set_outputs(0); },
         "INVALID_ARGUMENT: outputs is 0, it must be a sum of known outputs and not 0");
-  check([](auto& r) { r.set_outputs(33); },
-        "INVALID_ARGUMENT: outputs is 33, it must be a sum of known outputs and not 0");
+  check([](auto& r) { r.set_outputs(65); },
+        "INVALID_ARGUMENT: outputs is 65, it must be a sum of known outputs and not 0");
   check([](auto& r) { r.set_outputs(v1::OUTPUT_DENSITY); },
         "INVALID_ARGUMENT: outputs: DENSITY needs powers; the map has none");
   check([](auto& r) { r.set_kernel(static_cast<v1::DensityKernel>(9)); },

@@ -28,11 +28,10 @@ constexpr std::size_t kMaxQueriesPerCall = std::size_t{1} << 17;
 constexpr std::size_t kNeighborsPerCall = std::size_t{1} << 23;  // aimed at
 constexpr std::size_t kFirstUncappedQueries = 256;  // of lists whose lengths are not known yet
 
-const std::map<std::string, std::uint32_t> kOutputNames = {{"count", kOutputCount},
-                                                           {"radius", kOutputRadius},
-                                                           {"neighbors", kOutputNeighbors},
-                                                           {"density", kOutputDensity},
-                                                           {"statistics", kOutputStatistics}};
+const std::map<std::string, std::uint32_t> kOutputNames = {
+    {"count", kOutputCount},           {"radius", kOutputRadius},
+    {"neighbors", kOutputNeighbors},   {"density", kOutputDensity},
+    {"statistics", kOutputStatistics}, {"error-bound", kOutputErrorBound}};
 const std::map<std::string, DensityKernel> kKernelNames = {
     {"constant", DensityKernel::kConstant},
     {"cone", DensityKernel::kCone},
@@ -51,6 +50,7 @@ struct Summary {
   MapRef map;
   double seconds = 0;    // spent in calls to the server
   double kernel_us = 0;  // as the server measured it
+  ErrorSummary errors{};
 };
 
 // Queries of the first call.
@@ -90,6 +90,9 @@ absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& option
     if (!answer.ok()) return InFile(answer.status(), first);
     summary.map = answer->map;  // the version that answered first answers all
     summary.kernel_us += answer->timings.kernel_us();
+    summary.errors.inexact_count += answer->errors.inexact_count;
+    summary.errors.largest_bound =
+        std::max(summary.errors.largest_bound, answer->errors.largest_bound);
     std::string lines = first == 0 ? AnswerCsvHeader(options.gather.outputs) : "";
     lines += AnswerCsvLines(answer->result, options.gather.outputs, options.gather.k, count, first);
     const auto status = file.Write(lines);
@@ -121,6 +124,12 @@ absl::Status Run(Options options, const GlobalOptions& global) {
              summary->map.name, summary->map.version, FormatMicroseconds(1e6 * summary->seconds),
              FormatMicroseconds(summary->kernel_us),
              static_cast<double>(points->size()) / summary->seconds);
+  if (options.gather.approximation.any()) {
+    fmt::print(stderr,
+               "approximate: {} of {} queries may err; distances are at most {:.3g} times too "
+               "large\n",
+               summary->errors.inexact_count, points->size(), 1 + summary->errors.largest_bound);
+  }
   return absl::OkStatus();
 }
 
@@ -146,7 +155,8 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
       ->check(NumberIn(0, std::numeric_limits<double>::infinity()));
   command
       ->add_option("--outputs", options->outputs,
-                   "What to tell: count, radius, neighbors, density, statistics")
+                   "What to tell: count, radius, neighbors, density, statistics, "
+                   "error-bound")
       ->delimiter(',')
       ->default_str("count,radius")
       ->check(CLI::IsMember(kOutputNames));
@@ -155,6 +165,15 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
                    "Weights of the density: constant, cone, epanechnikov")
       ->capture_default_str()
       ->check(CLI::IsMember(kKernelNames));
+  command
+      ->add_option("--epsilon", options->gather.approximation.epsilon,
+                   "Distances may be 1 + this times the true ones; 0: exact")
+      ->capture_default_str()
+      ->check(NumberIn(0, std::numeric_limits<float>::max()));
+  command
+      ->add_option("--max-leaves", options->gather.approximation.max_leaves,
+                   "Leaves of the tree that a search looks into at most; 0: no limit")
+      ->capture_default_str();
   command->add_option("--output", options->output_path, "CSV file for the answers; - is stdout")
       ->capture_default_str();
   command->callback(

@@ -50,6 +50,7 @@ absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQu
       result.nodes_visited.push_back(answers[i].nodes_visited);
       result.distance_tests.push_back(answers[i].distance_tests);
     }
+    if (options.approximation.any()) result.error_bounds.push_back(answers[i].error_bound);
   }
   return result;
 }

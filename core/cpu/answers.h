@@ -23,6 +23,7 @@ struct QueryAnswer {
   std::vector<Candidate> found;  ///< ascending
   std::uint32_t nodes_visited = 0;
   std::uint32_t distance_tests = 0;
+  float error_bound = 0;  ///< as GatherResult::error_bounds
 };
 
 /// Makes of the answers what GatherOptions asks for. RESOURCE_EXHAUSTED as CheckNeighborCount.

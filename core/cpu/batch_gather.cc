@@ -89,6 +89,7 @@ class Batch {
     if (Wants(kOutputCount) || (lists && options_.k == 0)) result_.counts.resize(m);
     if (Wants(kOutputRadius)) result_.radii.resize(m);
     if (Wants(kOutputDensity)) result_.densities.resize(3 * m);
+    if (options_.approximation.any()) result_.error_bounds.resize(m);
     order_ = MakeOrder(queries_, bounds);
     if (options_.k > 0) {
       if (lists) {
@@ -139,17 +140,25 @@ class Batch {
   }
 
   void GatherNearest(const std::uint32_t* first, const std::uint32_t* last) {
+    const Approximation& approximation = options_.approximation;
     SearchSpace space;
     NeighborBound bound;
     for (; first < last; ++first) {
       const std::uint32_t query = *first;
       const Vec3 center = At(queries_.positions, query);
       const float limit = std::min(SquaredRadius(query), bound(center));
-      const FoundNearest found = search_.FindNearest(center, options_.k, limit, space);
+      const FoundNearest found =
+          approximation.any()
+              ? search_.FindAboutNearest(center, options_.k, limit, approximation, space)
+              : search_.FindNearest(center, options_.k, limit, space);
       float radius = Radius(query);
       if (found.count == options_.k) {
         bound.Set(center, found.farthest);
         radius = std::sqrt(found.farthest);
+      }
+      if (approximation.any()) {
+        result_.error_bounds[query] =
+            NearestErrorBound(found.count == options_.k, found.farthest, found.given_up);
       }
       if (Wants(kOutputNeighbors)) WriteNearest(query, found.count, space);
       Write(query, found.count, radius);

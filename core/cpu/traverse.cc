@@ -1,6 +1,7 @@
 #include "core/cpu/traverse.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace treelight {
 namespace {
@@ -38,8 +39,14 @@ Candidate CandidateOf(const Vec3& q, const LeafPhoton& photon) {
 
 class NearestSearch {
  public:
-  NearestSearch(const Tree& tree, const Vec3& center, std::uint32_t k, float radius)
-      : tree_(tree), center_(center), k_(k), squared_radius_(radius * radius) {
+  NearestSearch(const Tree& tree, const Vec3& center, std::uint32_t k, float radius,
+                const Approximation& approximation)
+      : tree_(tree),
+        center_(center),
+        k_(k),
+        squared_radius_(radius * radius),
+        squared_stretch_(approximation.squared_stretch()),
+        leaves_left_(approximation.max_leaves > 0 ? approximation.max_leaves : kNoPhoton) {
     answer_.limit = radius;
   }
 
@@ -48,6 +55,8 @@ class NearestSearch {
     const float d2 = root.count > 0 ? BoxSquaredDistance(center_, MakeBox(root.min, root.max)) : 0;
     if (root.count > 0 && d2 <= squared_radius_) Visit({root.link, root.count, 0, d2});
     std::sort(answer_.found.begin(), answer_.found.end());
+    answer_.error_bound = NearestErrorBound(
+        IsFull(), IsFull() ? answer_.found.back().squared_distance : 0, given_up_);
     return std::move(answer_);
   }
 
@@ -60,7 +69,14 @@ class NearestSearch {
                     : candidate.squared_distance <= squared_radius_;
   }
 
-  bool MayHold(const Child& child) const { return Beats({child.squared_distance, child.min_id}); }
+  /// Whether a subtree is to be entered; remembers the nearest that might have been, and is not.
+  bool IsWorthwhile(const Child& child) {
+    if (!Beats({child.squared_distance, child.min_id})) return false;
+    const float stretched = child.squared_distance * squared_stretch_;
+    if (leaves_left_ > 0 && (!IsFull() || Beats({stretched, child.min_id}))) return true;
+    given_up_ = std::min(given_up_, child.squared_distance);
+    return false;
+  }
 
   void Visit(const Child& child) {
     ++answer_.nodes_visited;
@@ -75,11 +91,12 @@ class NearestSearch {
         std::pair(near.squared_distance, near.min_id)) {
       std::swap(near, far);
     }
-    if (MayHold(near)) Visit(near);
-    if (MayHold(far)) Visit(far);
+    if (IsWorthwhile(near)) Visit(near);
+    if (IsWorthwhile(far)) Visit(far);
   }
 
   void VisitLeaf(const Child& leaf) {
+    --leaves_left_;
     answer_.distance_tests += leaf.count;
     std::vector<Candidate>& heap = answer_.found;  // the worst on top
     const LeafPhoton* photons = &tree_.photons[leaf.link & ~kLeafBit];
@@ -99,6 +116,9 @@ class NearestSearch {
   const Vec3 center_;
   const std::uint32_t k_;
   const float squared_radius_;
+  const float squared_stretch_;
+  std::uint32_t leaves_left_;
+  float given_up_ = std::numeric_limits<float>::infinity();  // squared distance
   QueryAnswer answer_;
 };
 
@@ -151,8 +171,9 @@ class RangeSearch {
 
 }  // namespace
 
-QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, float radius) {
-  return NearestSearch(tree, center, k, radius).Run();
+QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, float radius,
+                        const Approximation& approximation) {
+  return NearestSearch(tree, center, k, radius, approximation).Run();
 }
 
 QueryAnswer FindWithin(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole) {

@@ -14,8 +14,11 @@ namespace treelight {
 
 /// The k nearest photons within `radius`: depth-first, the nearer child first; a subtree is visited
 /// where its (box distance, smallest photon index) is below the k-th candidate so far.
+/// Once there are k candidates, `approximation` stretches the distances of boxes, and ends the search
+/// after so many leaves.
 /// @param k  > 0
-QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, float radius);
+QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, float radius,
+                        const Approximation& approximation = {});
 
 /// Whether a subtree that lies within the radius whole is visited, or only its size counted.
 enum class WholeSubtrees { kVisited, kCounted };

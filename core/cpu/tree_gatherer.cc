@@ -77,7 +77,7 @@ class TreeGatherer : public Gatherer {
   }
 
   QueryAnswer Search(const Vec3& center, float radius, const GatherOptions& options) const {
-    if (options.k > 0) return FindNearest(tree_, center, options.k, radius);
+    if (options.k > 0) return FindNearest(tree_, center, options.k, radius, options.approximation);
     const bool density = has_powers() && (options.outputs & kOutputDensity) != 0;
     return FindWithin(tree_, center, radius,
                       density ? WholeSubtrees::kVisited : WholeSubtrees::kCounted);

@@ -32,7 +32,7 @@ struct BatchBuffers {
   Buffer<float> positions, radii_in, normals;
   Buffer<cl_uint> order;
   Buffer<cl_uint> counts, neighbor_ids, visited, tested;
-  Buffer<float> radii, neighbor_d2, densities;
+  Buffer<float> radii, neighbor_d2, densities, error_bounds;
 };
 
 /// The lists of a gather without a cap, as GatherResult holds them.
@@ -41,6 +41,13 @@ struct NeighborLists {
   std::vector<std::uint32_t> ids;
   std::vector<float> squared_distances;
 };
+
+/// gather_nearest of approximate gathers, which are rare: compiled, or taken from the cache, by the
+/// first.
+cl::Program ApproximateNearest(const Gpu& gpu, const std::string& heaps) {
+  return gpu.device->Program({"traverse.cl", "heap.cl", "gather_nearest.cl"},
+                             heaps + " -DAPPROXIMATE=1");
+}
 
 class GpuGatherer : public Gatherer {
  public:
@@ -90,7 +97,7 @@ class GpuGatherer : public Gatherer {
   BatchBuffers Upload(const GatherQueries& queries, const GatherOptions& options) const;
   GatherParams MakeParams(const GatherQueries& queries, const GatherOptions& options) const;
   void GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                     const CancelCheck& cancelled) const;
+                     const Approximation& approximation, const CancelCheck& cancelled) const;
   void GatherWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
                   const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -99,10 +106,11 @@ class GpuGatherer : public Gatherer {
                             const GatherOptions& options, const CancelCheck& cancelled) const;
 
   /// Sub-groups pay where the list of candidates is long, but fits local memory. They do not count
-  /// what they visit.
+  /// what they visit, and are exact.
   bool UsesWideTree(const GatherOptions& options) const {
     return map_.wide.shape.level_count > 0 && options.k >= kMinWideK &&
-           options.k <= kListK.back() && (options.outputs & kOutputStatistics) == 0;
+           options.k <= kListK.back() && (options.outputs & kOutputStatistics) == 0 &&
+           !options.approximation.any();
   }
 
   std::size_t QueriesPerLaunch() const {
@@ -142,6 +150,7 @@ BatchBuffers GpuGatherer::Upload(const GatherQueries& queries, const GatherOptio
   batch.densities = Buffer<float>(gpu.memory(), wants(kOutputDensity) ? 3 * m : 0);
   batch.neighbor_ids = Buffer<cl_uint>(gpu.memory(), wants(kOutputNeighbors) ? m * options.k : 0);
   batch.neighbor_d2 = Buffer<float>(gpu.memory(), wants(kOutputNeighbors) ? m * options.k : 0);
+  batch.error_bounds = Buffer<float>(gpu.memory(), options.approximation.any() ? m : 0);
   batch.visited = Buffer<cl_uint>(gpu.memory(), wants(kOutputStatistics) ? m : 0);
   batch.tested = Buffer<cl_uint>(gpu.memory(), wants(kOutputStatistics) ? m : 0);
   return batch;
@@ -158,6 +167,9 @@ GatherParams GpuGatherer::MakeParams(const GatherQueries& queries,
   params.has_order = queries.size() >= kSortedQueries ? 1 : 0;
   params.has_radii = queries.radii.empty() ? 0 : 1;
   params.has_normals = queries.normals.empty() ? 0 : 1;
+  params.squared_stretch = options.approximation.squared_stretch();
+  params.max_leaves =
+      options.approximation.max_leaves > 0 ? options.approximation.max_leaves : CL_UINT_MAX;
   return params;
 }
 
@@ -182,7 +194,7 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   if (UsesWideTree(options)) {
     GatherWide(batch, params, m, cancelled);
   } else if (options.k > 0) {
-    GatherNearest(batch, params, m, cancelled);
+    GatherNearest(batch, params, m, options.approximation, cancelled);
   } else if ((options.outputs & kOutputNeighbors) != 0) {
     NeighborLists lists = GatherLists(batch, params, m, options, cancelled);
     result.neighbor_ids = std::move(lists.ids);
@@ -198,6 +210,7 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   result.radii = batch.radii.Read(queue);
   result.densities =
       map_.has_powers ? batch.densities.Read(queue) : std::vector<float>(batch.densities.size());
+  result.error_bounds = batch.error_bounds.Read(queue);
   result.nodes_visited = batch.visited.Read(queue);
   result.distance_tests = batch.tested.Read(queue);
   if (options.k > 0) {
@@ -211,6 +224,7 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
 }
 
 void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                                const Approximation& approximation,
                                 const CancelCheck& cancelled) const {
   const Gpu& gpu = map_.gpu;
   const std::size_t group = GatherGroupSize();
@@ -223,7 +237,7 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
         std::min(per_launch, kGlobalHeapBytes / (params.k * sizeof(cl_ulong)) / group * group);
   }
   per_launch = std::min(per_launch, (count + group - 1) / group * group);
-  const auto launch = [&](const cl::Program& program, const auto& heaps) {
+  const auto launch = [&](const cl::Program& program, const auto&... heaps_and_bounds) {
     PacedLaunches(gpu, count, per_launch, cancelled, [&](std::size_t first, std::size_t part) {
       params.first = static_cast<cl_uint>(first);
       params.count = static_cast<cl_uint>(part);
@@ -232,13 +246,19 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
              map_.directions.get(), batch.positions.get(), batch.order.get(), batch.radii_in.get(),
              batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
              batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get(),
-             batch.visited.get(), batch.tested.get(), heaps);
+             batch.visited.get(), batch.tested.get(), heaps_and_bounds...);
     });
   };
+  const auto launch_as_asked = [&](const cl::Program& exact, const char* heap_options,
+                                   const auto& heaps) {
+    if (!approximation.any()) return launch(exact, heaps);
+    launch(ApproximateNearest(gpu, heap_options), heaps, batch.error_bounds.get());
+  };
   if (fits) {
-    launch(gpu.gather, cl::Local(local_bytes));
+    launch_as_asked(gpu.gather, "-DHEAP_SPACE=local", cl::Local(local_bytes));
   } else {
-    launch(gpu.gather_global, Buffer<cl_ulong>(gpu.memory(), per_launch * params.k).get());
+    launch_as_asked(gpu.gather_global, "-DHEAP_SPACE=global -DHEAPS_GLOBAL=1",
+                    Buffer<cl_ulong>(gpu.memory(), per_launch * params.k).get());
   }
 }
 

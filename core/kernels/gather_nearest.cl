@@ -1,5 +1,6 @@
 // The k nearest photons within a radius: depth-first, the nearer child first, the candidates in a
 // heap (Jensen 2001, section 6.1.3), ties by photon index. Uses traverse.cl and heap.cl.
+// -DAPPROXIMATE=1: (1 + epsilon)-nearest neighbours (Arya et al. 1998), or at most so many leaves.
 
 #if HEAPS_GLOBAL
 #define HEAP_ITEM get_global_id(0)
@@ -16,6 +17,30 @@ bool may_hold(const float d2, const ulong worst, global const uint* restrict min
   return bits < limit || (bits == limit && *min_id < (uint)worst);
 }
 
+#if APPROXIMATE
+// The same, where it is to be entered: once there are k candidates, its distance is stretched.
+// Remembers the nearest that might have been entered and is not.
+bool worthwhile(const float d2, const ulong worst, const bool full, const float squared_stretch,
+                global const uint* restrict min_id, float* given_up) {
+  if (!may_hold(d2, worst, min_id)) return false;
+  if (!full || may_hold(d2 * squared_stretch, worst, min_id)) return true;
+  *given_up = fmin(*given_up, d2);
+  return false;
+}
+
+// As NearestErrorBound of core/gatherer.h.
+float nearest_error_bound(const bool full, const float farthest, const float given_up) {
+  if (!full) return given_up < INFINITY ? INFINITY : 0.0f;
+  if (!(given_up < farthest)) return 0.0f;
+  return sqrt(farthest / given_up) * (1 + 0x1p-22f) - 1;
+}
+
+#define WORTHWHILE(d2, min_id) \
+  worthwhile(d2, worst, size == params.k, params.squared_stretch, min_id, &given_up)
+#else
+#define WORTHWHILE(d2, min_id) may_hold(d2, worst, min_id)
+#endif
+
 /// Gathers. One work-item per query, 1D range.
 /// @param nodes         [node_count]
 /// @param min_ids       [2 * node_count] smallest photon index below each left, right child
@@ -30,6 +55,7 @@ bool may_hold(const float d2, const ulong worst, global const uint* restrict min
 /// asked for
 /// @param neighbor_ids, neighbor_d2  [m * k] out, where asked for: nearest first, padded
 /// @param heaps         space of k candidates for each work-item, interleaved
+/// @param error_bounds  [m] out
 kernel void gather_nearest(global const Node* restrict nodes, global const uint* restrict min_ids,
                            global const LeafPhoton* restrict photons,
                            global const float* restrict powers,
@@ -40,7 +66,12 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
                            global uint* restrict counts, global float* restrict radii,
                            global uint* restrict neighbor_ids, global float* restrict neighbor_d2,
                            global float* restrict densities, global uint* restrict visited_out,
-                           global uint* restrict tested_out, HEAP_SPACE ulong* heaps) {
+                           global uint* restrict tested_out, HEAP_SPACE ulong* heaps
+#if APPROXIMATE
+                           ,
+                           global float* restrict error_bounds
+#endif
+) {
   if (get_global_id(0) >= params.count) return;
   const uint query = query_of(params, order);
   const float3 q = vload3(query, positions);
@@ -52,6 +83,10 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
   // k-th.
   ulong worst = (ulong)(as_uint(radius * radius) + 1) << 32;
   uint size = 0, visited = 0, tested = 0;
+#if APPROXIMATE
+  float given_up = INFINITY;
+  uint leaves_left = params.max_leaves;
+#endif
   ulong stack[kMaxDepth];
   uint depth = 0;
   uint link = params.root.link, count = params.root.count;
@@ -74,14 +109,24 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
         }
         if (size == params.k) worst = heap[0];
       }
+#if APPROXIMATE
+      if (--leaves_left == 0) {
+        // What waits may have held more.
+        for (uint i = 0; i < depth; ++i) {
+          const float d2 = as_float((uint)(stack[i] >> 32));
+          if (may_hold(d2, worst, min_ids + (uint)stack[i])) given_up = fmin(given_up, d2);
+        }
+        break;
+      }
+#endif
     } else {
       // Take the nearer child that may hold something, keep the other for later.
       const Children children = load_children(nodes, link);
       const uint slot = 2 * link;
       const float left = box_squared_distance(q, children.left_min, children.left_max);
       const float right = box_squared_distance(q, children.right_min, children.right_max);
-      const bool take_left = may_hold(left, worst, min_ids + slot);
-      const bool take_right = may_hold(right, worst, min_ids + slot + 1);
+      const bool take_left = WORTHWHILE(left, min_ids + slot);
+      const bool take_right = WORTHWHILE(right, min_ids + slot + 1);
       const bool left_first = take_left && (!take_right || left < right ||
                                             (left == right && min_ids[slot] < min_ids[slot + 1]));
       if (take_left && take_right)
@@ -94,7 +139,7 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
     while (!descend && depth > 0) {
       const ulong entry = stack[--depth];
       const uint slot = (uint)entry;
-      if (!may_hold(as_float((uint)(entry >> 32)), worst, min_ids + slot)) continue;
+      if (!WORTHWHILE(as_float((uint)(entry >> 32)), min_ids + slot)) continue;
       descend = true;
       global const Node* node = nodes + slot / 2;
       link = (slot & 1) != 0 ? node->right : node->left;
@@ -106,6 +151,9 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
   // Write what is asked for.
   const bool full = size == params.k;
   const float r2 = full ? as_float((uint)(heap[0] >> 32)) : radius * radius;
+#if APPROXIMATE
+  error_bounds[query] = nearest_error_bound(full, r2, given_up);
+#endif
   if (params.outputs & kOutputCount) counts[query] = size;
   if (params.outputs & kOutputRadius) radii[query] = full ? sqrt(r2) : radius;
   if (params.outputs & kOutputStatistics) {

@@ -109,6 +109,7 @@ TREELIGHT_SHARED kOutputRadius = 2u;
 TREELIGHT_SHARED kOutputNeighbors = 4u;
 TREELIGHT_SHARED kOutputDensity = 8u;
 TREELIGHT_SHARED kOutputStatistics = 16u;
+TREELIGHT_SHARED kOutputErrorBound = 32u;
 
 /** Density kernels. */
 TREELIGHT_SHARED kKernelConstant = 0u;
@@ -126,6 +127,8 @@ typedef struct GatherParams {
   uint has_order;      /**< queries are worked on in the order of an array */
   uint has_radii;      /**< a radius for each query */
   uint has_normals;    /**< a normal for each query */
+  float squared_stretch; /**< Approximation::squared_stretch */
+  uint max_leaves;       /**< Approximation::max_leaves, or as many as there can be */
 } GatherParams;
 
 /** Measure of boxes, see core/model/heuristic.h. */

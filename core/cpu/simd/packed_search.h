@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string_view>
 #include <vector>
 
+#include "core/gatherer.h"
 #include "core/model/tree.h"
 
 namespace treelight {
@@ -45,9 +47,12 @@ class SearchSpace {
 struct FoundNearest {
   std::uint32_t count = 0;
   float farthest = 0;  ///< largest squared distance, 0 where nothing was found
+  /// Squared distance of the nearest subtree that was left out and might have held one of the k;
+  /// +inf: none.
+  float given_up = std::numeric_limits<float>::infinity();
 };
 
-/// Exact searches in a tree by the vector instructions of one kind of processor. Safe to call from
+/// Searches in a tree by the vector instructions of one kind of processor. Safe to call from
 /// several threads at once, each with its own space.
 class PackedSearch {
  public:
@@ -57,6 +62,11 @@ class PackedSearch {
   /// at most `limit`, which is finite, in no order.
   virtual FoundNearest FindNearest(const Vec3& center, std::uint32_t k, float limit,
                                    SearchSpace& space) const = 0;
+
+  /// The same, but for what `approximation` gives up. A block of photons is a leaf.
+  virtual FoundNearest FindAboutNearest(const Vec3& center, std::uint32_t k, float limit,
+                                        const Approximation& approximation,
+                                        SearchSpace& space) const = 0;
 
   /// Finds all photons with a squared distance of at most `limit`, finite, in no order. Where
   /// `take` is given, it is called with the number of those in `space` whenever there are many, and

@@ -96,6 +96,9 @@ class Candidates {
   float limit() const { return limit_; }
   std::uint64_t limit_key() const { return limit_key_; }
 
+  /// Whether k are known, none of them beyond the limit.
+  bool is_full() const { return is_full_; }
+
   void Add(typename L::Floats squared_distances, const std::uint32_t* ids, typename L::Mask mask) {
     L::Compress(squared_distances, mask, distances_ + count_);
     L::Compress(L::Load(ids), mask, ids_ + count_);
@@ -132,6 +135,7 @@ class Candidates {
   /// float, until exactly k are within it, or it is the distance of several between which the ids
   /// decide.
   void KeepBest() {
+    is_full_ = true;
     std::uint32_t low = 0, high = std::bit_cast<std::uint32_t>(limit_);
     bool exact = false;
     while (low < high) {
@@ -206,6 +210,42 @@ class Candidates {
   std::uint32_t count_ = 0;
   float limit_ = 0;
   std::uint64_t limit_key_ = 0;
+  bool is_full_ = false;
+};
+
+/// Enters every subtree that may hold one of the k.
+struct EnterAll {
+  static constexpr bool kLeavesOut = false;
+};
+
+/// Enters what an approximation asks for, and remembers the nearest of what it leaves out.
+class EnterSome {
+ public:
+  static constexpr bool kLeavesOut = true;
+
+  explicit EnterSome(const Approximation& approximation)
+      : shrink_((1 + 0x1p-22f) / approximation.squared_stretch()),  // rounded up
+        is_stretched_(approximation.epsilon > 0),
+        leaves_left_(approximation.max_leaves > 0 ? approximation.max_leaves : kNoPhoton) {}
+
+  /// How far subtrees are entered.
+  template <typename L>
+  float Reach(const Candidates<L>& candidates) const {
+    if (leaves_left_ == 0) return -1;
+    return is_stretched_ && candidates.is_full() ? candidates.limit() * shrink_
+                                                 : candidates.limit();
+  }
+  void LeaveOut(float squared_distance) {
+    given_up_ = squared_distance < given_up_ ? squared_distance : given_up_;
+  }
+  void CountLeaf() { --leaves_left_; }
+  float given_up() const { return given_up_; }
+
+ private:
+  const float shrink_;
+  const bool is_stretched_;
+  std::uint32_t leaves_left_;
+  float given_up_ = std::numeric_limits<float>::infinity();
 };
 
 template <typename L>
@@ -215,23 +255,13 @@ class LaneSearch final : public PackedSearch {
 
   FoundNearest FindNearest(const Vec3& center, std::uint32_t k, float limit,
                            SearchSpace& space) const override {
-    Candidates<L> candidates(k, limit, space);
-    const View tree = packed_.view();
-    if (tree.count == 0) return {};
-    const Center<L> from(center);
-    Pending stack[kStackSize];
-    std::uint32_t depth = 0;
-    stack[depth++] = {0, tree.root, tree.count};
-    while (depth > 0) {
-      const Pending next = stack[--depth];
-      if (next.key > candidates.limit_key()) continue;
-      if ((next.link & kLeafBit) != 0) {
-        ScanNearest(tree, from, next.link & ~kLeafBit, next.count, candidates);
-      } else {
-        depth = PushChildren(tree.nodes[next.link], from, candidates.limit(), stack, depth);
-      }
-    }
-    return candidates.Finish();
+    return Search(center, k, limit, EnterAll(), space);
+  }
+
+  FoundNearest FindAboutNearest(const Vec3& center, std::uint32_t k, float limit,
+                                const Approximation& approximation,
+                                SearchSpace& space) const override {
+    return Search(center, k, limit, EnterSome(approximation), space);
   }
 
   std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space,
@@ -296,6 +326,38 @@ class LaneSearch final : public PackedSearch {
   /// A node leaves at most W - 1 others behind on each level.
   static constexpr std::uint32_t kStackSize = kMaxDepth * (L::kWidth - 1) + 1;
 
+  template <typename Choice>
+  FoundNearest Search(const Vec3& center, std::uint32_t k, float limit, Choice choice,
+                      SearchSpace& space) const {
+    Candidates<L> candidates(k, limit, space);
+    const View tree = packed_.view();
+    if (tree.count == 0) return {};
+    const Center<L> from(center);
+    Pending stack[kStackSize];
+    std::uint32_t depth = 0;
+    stack[depth++] = {0, tree.root, tree.count};
+    while (depth > 0) {
+      const Pending next = stack[--depth];
+      if (next.key > candidates.limit_key()) continue;
+      if constexpr (Choice::kLeavesOut) {
+        const float d2 = std::bit_cast<float>(static_cast<std::uint32_t>(next.key >> 32));
+        if (d2 > choice.Reach(candidates)) {
+          choice.LeaveOut(d2);
+          continue;
+        }
+      }
+      if ((next.link & kLeafBit) != 0) {
+        ScanNearest(tree, from, next.link & ~kLeafBit, next.count, candidates);
+        if constexpr (Choice::kLeavesOut) choice.CountLeaf();
+      } else {
+        depth = PushChildren(tree.nodes[next.link], from, candidates, choice, stack, depth);
+      }
+    }
+    FoundNearest found = candidates.Finish();
+    if constexpr (Choice::kLeavesOut) found.given_up = choice.given_up();
+    return found;
+  }
+
   static void ScanNearest(const View& tree, const Center<L>& from, std::uint32_t first,
                           std::uint32_t photon_count, Candidates<L>& candidates) {
     for (std::uint32_t i = 0; i < photon_count; i += L::kWidth) {
@@ -306,14 +368,22 @@ class LaneSearch final : public PackedSearch {
     }
   }
 
-  /// Pushes the children within `limit`, the nearest last.
-  static std::uint32_t PushChildren(const Node& node, const Center<L>& from, float limit,
-                                    Pending* stack, std::uint32_t depth) {
+  /// Pushes the children that are to be entered, the nearest last.
+  template <typename Choice>
+  static std::uint32_t PushChildren(const Node& node, const Center<L>& from,
+                                    const Candidates<L>& candidates, Choice& choice, Pending* stack,
+                                    std::uint32_t depth) {
     const auto d2 = from.ToBoxes(node);
     alignas(64) float distances[L::kWidth];
     L::Store(d2, distances);
     const std::uint32_t first = depth;
-    ForEachBit(L::LessEqual(d2, L::All(limit)), [&](std::uint32_t i) {
+    Mask near = L::LessEqual(d2, L::All(candidates.limit()));
+    if constexpr (Choice::kLeavesOut) {
+      const Mask left_out = near & ~L::LessEqual(d2, L::All(choice.Reach(candidates)));
+      ForEachBit(left_out, [&](std::uint32_t i) { choice.LeaveOut(distances[i]); });
+      near ^= left_out;
+    }
+    ForEachBit(near, [&](std::uint32_t i) {
       const Pending child = {KeyOf(distances[i], node.min_ids[i]), node.links[i], node.counts[i]};
       std::uint32_t place = depth++;
       for (; place > first && stack[place - 1].key < child.key; --place) {
