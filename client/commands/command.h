@@ -31,6 +31,7 @@ struct GlobalOptions {
 void AddDevicesCommand(CLI::App& app, GlobalOptions& global);  ///< `devices`: devices of the server
 void AddInfoCommand(CLI::App& app,
                     GlobalOptions& global);  ///< `info`: version, limits and load of the server
+void AddBenchCommand(CLI::App& app, GlobalOptions& global);  ///< `bench`: speed of a device
 void AddBuildCommand(CLI::App& app,
                      GlobalOptions& global);  ///< `build`: a photon file becomes a map
 void AddCompareCommand(CLI::App& app,

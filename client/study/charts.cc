@@ -1,77 +1,12 @@
 #include "client/study/charts.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <cstdio>
-#include <filesystem>
-
-#include "client/output_file.h"
+#include "client/chart_script.h"
 #include "client/study/charts_script.h"
-#include "fmt/format.h"
 
 namespace treelight::client {
-namespace {
-
-/// The interpreter that Debian's packages are installed for, else the one that is found.
-std::string FindPython() {
-  constexpr const char* kSystemPython = "/usr/bin/python3";
-  return access(kSystemPython, X_OK) == 0 ? kSystemPython : "python3";
-}
-
-/// Runs `words`; what it writes to stderr goes to `error`. Returns its exit code, or -1.
-int RunProgram(const std::vector<std::string>& words, std::string& error) {
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  int ends[2];
-  if (pipe(ends) != 0) return -1;
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
-  posix_spawn_file_actions_addclose(&actions, ends[0]);
-  pid_t child = -1;
-  const int failed =
-      posix_spawnp(&child, arguments[0], &actions, nullptr, arguments.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  close(ends[1]);
-  char buffer[4096];
-  for (ssize_t count; failed == 0 && (count = read(ends[0], buffer, sizeof buffer)) > 0;)
-    error.append(buffer, static_cast<std::size_t>(count));
-  close(ends[0]);
-  int status = 0;
-  if (failed != 0 || waitpid(child, &status, 0) != child) return -1;
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-/// The last line that is not empty: of a Python traceback what went wrong.
-std::string LastLine(const std::string& text) {
-  const std::size_t end = text.find_last_not_of("\n ");
-  if (end == std::string::npos) return {};
-  const std::size_t begin = text.rfind('\n', end);
-  return text.substr(begin == std::string::npos ? 0 : begin + 1, end - begin);
-}
-
-}  // namespace
 
 absl::Status DrawCharts(const std::vector<std::string>& csv_paths, const std::string& folder) {
-  const std::string script = (std::filesystem::path(folder) / "charts.py").string();
-  auto file = OutputFile::Create(script);
-  if (!file.ok()) return file.status();
-  if (auto status = file->Write(kChartsScript); !status.ok()) return status;
-  if (auto status = file->Commit(); !status.ok()) return status;
-  std::vector<std::string> words = {FindPython(), script, folder};
-  words.insert(words.end(), csv_paths.begin(), csv_paths.end());
-  std::string error;
-  const int exit_code = RunProgram(words, error);
-  if (exit_code == 0) return absl::OkStatus();
-  if (exit_code < 0 || exit_code == 127) {
-    return absl::FailedPreconditionError(
-        "no charts: Python is missing: apt install python3-matplotlib; the numbers are written");
-  }
-  return absl::FailedPreconditionError(
-      fmt::format("no charts: {}; the numbers are written", LastLine(error)));
+  return RunChartScript(kStudyCharts, csv_paths, folder);
 }
 
 }  // namespace treelight::client

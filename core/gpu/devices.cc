@@ -13,9 +13,11 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/strip.h"
+#include "core/cpu/cpu_floors.h"
 #include "core/cpu/simd/packed_search.h"
 #include "core/device/guard.h"
 #include "core/gpu/gpu_builder.h"
+#include "core/gpu/gpu_floors.h"
 #include "fmt/format.h"
 
 namespace treelight {
@@ -105,6 +107,15 @@ absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& 
     if (!device.ok()) return device.status();
     if (!device->open_cl) return MakeCpuBuilder(device->info.name);
     return MakeGpuBuilder(OpenGpu(*device->open_cl, options));
+  });
+}
+
+absl::StatusOr<std::unique_ptr<FloorMeter>> MakeFloorMeter(const DeviceOptions& options) {
+  return Guard([&]() -> absl::StatusOr<std::unique_ptr<FloorMeter>> {
+    const auto device = Choose(FindDevices(options), options.device);
+    if (!device.ok()) return device.status();
+    if (!device->open_cl) return MakeCpuFloorMeter();
+    return MakeGpuFloorMeter(OpenGpu(*device->open_cl, options));
   });
 }
 

@@ -5,19 +5,17 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <limits>
-#include <numeric>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
+#include "client/bench/judge.h"
+#include "client/bench/mean_radius.h"
 #include "client/bench/workloads.h"
 #include "fmt/format.h"
-#include "tbb/parallel_for.h"
 #include "tbb/task_arena.h"
 #include "tests/peers/peer.h"
 #include "tests/peers/treelight_peer.h"
@@ -25,9 +23,8 @@
 namespace treelight {
 namespace {
 
-constexpr std::size_t kCheckedQueries = 256;
 constexpr float kUnlimited = std::numeric_limits<float>::infinity();
-constexpr std::uint32_t kSeed = 1;
+constexpr std::uint32_t kSeed = 1, kLargestK = 100;
 
 struct Flags {
   std::vector<std::size_t> counts = {100000, 1000000};
@@ -54,115 +51,26 @@ double Time(const Work& work) {
   return CpuSeconds() - start;
 }
 
-/// Squared distances from a query to all points, in double, ascending.
-std::vector<double> BruteForce(const std::vector<float>& positions, const float* query) {
-  std::vector<double> distances(positions.size() / 3);
-  for (std::size_t i = 0; i < distances.size(); ++i) {
-    const double dx = double{positions[3 * i]} - query[0],
-                 dy = double{positions[3 * i + 1]} - query[1],
-                 dz = double{positions[3 * i + 2]} - query[2];
-    distances[i] = dx * dx + dy * dy + dz * dz;
-  }
-  std::sort(distances.begin(), distances.end());
-  return distances;
-}
-
-/// Knows the right answers to some of the queries.
-class Judge {
- public:
-  Judge(const std::vector<float>& positions, const std::vector<float>& queries)
-      : positions_(positions), queries_(queries), truth_(kCheckedQueries) {
-    tbb::parallel_for(std::size_t{0}, kCheckedQueries, [&](std::size_t i) {
-      truth_[i] = BruteForce(positions, &queries[3 * Query(i)]);
-    });
-  }
-
-  /// What is wrong with the answers; empty: nothing. A distance may be off by
-  /// the rounding of float, and so may a count at the very radius.
-  std::string WhatIsWrong(const Search& search, const Found& found) const {
-    constexpr double kRounding = 1e-6;
-    const double squared_radius = double{search.radius} * search.radius;
-    for (std::size_t check = 0; check < kCheckedQueries; ++check) {
-      const std::uint32_t least = Count(check, squared_radius * (1 - kRounding)),
-                          most = Count(check, squared_radius * (1 + kRounding));
-      const std::size_t q = Query(check);
-      const std::uint32_t count = found.counts[q];
-      const std::uint32_t cap = search.k > 0 ? search.k : std::numeric_limits<std::uint32_t>::max();
-      if (count < std::min(least, cap) || count > std::min(most, cap)) {
-        return fmt::format("query {}: {} photons, expected {} to {}", q, count, least, most);
-      }
-      if (search.k == 0) continue;
-      for (std::uint32_t i = 0; i < count; ++i) {
-        const double expected = truth_[check][i],
-                     actual = found.squared_distances[q * search.k + i];
-        if (std::fabs(actual - expected) > kRounding * expected) {
-          return fmt::format("query {}: squared distance {} is {}, expected {}", q, i, actual,
-                             expected);
-        }
-        const std::uint32_t id = found.ids[q * search.k + i];
-        const double of_id = SquaredDistanceTo(q, id);
-        if (std::fabs(of_id - expected) > kRounding * expected) {
-          return fmt::format("query {}: neighbour {} is {}, which is not as near", q, i, id);
-        }
-      }
-    }
-    return {};
-  }
-
- private:
-  /// Checks are spread over all queries.
-  std::size_t Query(std::size_t check) const {
-    return queries_.size() / 3 * check / kCheckedQueries;
-  }
-
-  std::uint32_t Count(std::size_t check, double squared_radius) const {
-    const auto& distances = truth_[check];
-    return static_cast<std::uint32_t>(
-        std::upper_bound(distances.begin(), distances.end(), squared_radius) - distances.begin());
-  }
-
-  double SquaredDistanceTo(std::size_t query, std::uint32_t id) const {
-    if (3 * std::size_t{id} >= positions_.size()) return std::numeric_limits<double>::infinity();
-    double sum = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double d = double{positions_[3 * std::size_t{id} + axis]} - queries_[3 * query + axis];
-      sum += d * d;
-    }
-    return sum;
-  }
-
-  const std::vector<float>& positions_;
-  const std::vector<float>& queries_;
-  std::vector<std::vector<double>> truth_;
-};
-
 double Median(std::vector<double> values) {
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
                    values.end());
   return values[values.size() / 2];
 }
 
-/// The radius within which 75 points lie on average over the queries.
-struct MeanRadius {
-  float radius;
-  std::uint32_t median;  ///< of how many lie within it
-};
+GatherResult ToResult(const Found& found) {
+  GatherResult result;
+  result.counts = found.counts;
+  result.neighbor_ids = found.ids;
+  result.neighbor_squared_distances = found.squared_distances;
+  return result;
+}
 
-MeanRadius FindMeanRadius(const std::vector<float>& positions, const std::vector<float>& queries) {
-  const auto map = MakeTreelight("", MakeCpuBuilder(), {});
-  map->Build(positions);
-  const auto some = std::span(queries).first(std::min<std::size_t>(queries.size(), 3 * 20000));
-  float low = 0, high = 2;
-  Found found;
-  for (int i = 0; i < 40; ++i) {
-    const float radius = (low + high) / 2;
-    map->Find(some, {.k = 0, .radius = radius}, found);
-    const double sum = std::accumulate(found.counts.begin(), found.counts.end(), 0.0);
-    (sum / static_cast<double>(found.counts.size()) < 75 ? low : high) = radius;
+std::vector<float> At(const std::vector<float>& queries, const std::vector<std::size_t>& places) {
+  std::vector<float> at;
+  for (const std::size_t place : places) {
+    at.insert(at.end(), &queries[3 * place], &queries[3 * place] + 3);
   }
-  const auto median = found.counts.begin() + static_cast<std::ptrdiff_t>(found.counts.size() / 2);
-  std::nth_element(found.counts.begin(), median, found.counts.end());
-  return {low, *median};
+  return at;
 }
 
 class Comparison {
@@ -194,18 +102,22 @@ class Comparison {
       }
     }
     Tell(set, count, "", "build", build, 1e3);
-    const auto [radius, median] = FindMeanRadius(workload.positions, workload.queries);
-    fmt::print("{} {}: r1 {:.4g}, the median query has {}\n", NameOf(set), count, radius, median);
+    const Photons photons{.positions = workload.positions, .powers = {}, .directions = {}};
+    const auto map = MakeCpuBuilder()->Build(photons, {}).value();
+    const auto r1 = FindMeanRadius(*map, workload.queries).value();
+    fmt::print("{} {}: r1 {:.4g}, the median query has {}\n", NameOf(set), count, r1.radius,
+               r1.median);
     for (const bool sorted : {false, true}) {
-      RunOrder(set, count, sorted, radius, workload.positions,
+      RunOrder(set, count, sorted, r1.radius, photons,
                sorted ? InMortonOrder(workload.queries) : workload.queries);
     }
   }
 
  private:
-  void RunOrder(PointSet set, std::size_t count, bool sorted, float radius,
-                const std::vector<float>& positions, const std::vector<float>& queries) {
-    const Judge judge(positions, queries);
+  void RunOrder(PointSet set, std::size_t count, bool sorted, float radius, const Photons& photons,
+                const std::vector<float>& queries) {
+    const std::vector<std::size_t> places = SpreadPlaces(queries.size() / 3);
+    const Judge judge(photons, At(queries, places), kLargestK, radius);
     const std::vector<SearchKind> kinds = {{"k 8", {8, kUnlimited}},
                                            {"k 50", {50, kUnlimited}},
                                            {"k 100", {100, kUnlimited}},
@@ -223,7 +135,11 @@ class Comparison {
           found.Resize(m, kind.search.k);
           seconds[p].push_back(Time([&] { peers_[p]->Find(queries, kind.search, found); }));
           if (run > 0) continue;
-          const std::string complaint = judge.WhatIsWrong(kind.search, found);
+          const std::string complaint = judge.WhatIsWrong(
+              {.k = kind.search.k,
+               .radius = kind.search.radius,
+               .outputs = kOutputCount | (kind.search.k > 0 ? kOutputNeighbors : 0)},
+              ToResult(found), places);
           if (complaint.empty()) continue;
           fmt::print("{} {}: WRONG: {}: {}\n", NameOf(set), kind.name, peers_[p]->name(),
                      complaint);
