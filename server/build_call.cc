@@ -33,6 +33,12 @@ void BuildCall::OnReadDone(bool ok) {
   // A repeat of a build that is done needs no photons. They are read nevertheless: a client that
   // writes would not see an early answer on every transport.
   if (!needs_photons_) return Read();
+  if (!message_.has_header()) return Take();
+  // Maps that leave the device to make room have their photons copied.
+  state_.RunOnCpu(message_.header().photon_count(), [this] { Take(); });
+}
+
+void BuildCall::Take() {
   if (auto status = TakeMessage(); !status.ok()) return End(status);
   if (message_.has_header()) {
     WithNewestMaps(state_, [this] { Continue(); });  // another server may have built the map

@@ -23,6 +23,7 @@ class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest
  private:
   absl::Status TakeMessage();
   absl::Status TakeHeader(const v1::BuildHeader& header);
+  void Take();
   void Continue();
   void Read();
   void Submit();

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/guard.h"
+#include "server/host_photons.h"
 #include "server/persistence.h"
 #include "server/residency.h"
 #include "server/upload.h"
@@ -30,13 +31,6 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
         SnapshotBytes(plan_.photon_count, plan_.has_powers, plan_.has_directions), what);
     if (!room.ok()) return room;
   }
-  if (!state_.options.devices.empty()) {
-    const auto room = WithEviction(state_, MapBytes(plan_), [&] {
-      return CheckDeviceRoom(plan_, state_.options.devices[state_.options.device_index],
-                             DeviceBytes(state_.store.List()), what);
-    });
-    if (!room.ok()) return room;
-  }
   if (auto status = state_.device_queue.Check(Ask()); !status.ok()) return status;
   const auto retry_delay = state_.device_queue.RetryDelay();
   auto slot = state_.build_slots.Take(retry_delay);
@@ -45,10 +39,19 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
   const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
   const std::uint64_t work_bytes = state_.builder->WorkBytes(plan_.options, plan_.photon_count);
   const std::uint64_t all_bytes = photon_bytes + work_bytes + map_bytes;
-  auto memory = WithEviction(state_, all_bytes, [&] {
+  auto memory = WithEviction(state_, all_bytes, HostRoom(state_), [&] {
     return state_.memory.Take(Holder::kUploads, all_bytes, what, retry_delay);
   });
   if (!memory.ok()) return memory.status();
+  // After the host's memory, of which maps that leave the device take some.
+  if (!state_.options.devices.empty()) {
+    const DeviceInfo& device = state_.options.devices[state_.options.device_index];
+    const std::uint64_t most = CheckDeviceRoom(plan_, device, 0, what).ok() ? kAnyBytes : 0;
+    const auto room = WithEviction(state_, MapBytes(plan_), most, [&] {
+      return CheckDeviceRoom(plan_, device, DeviceBytes(state_.store.List()), what);
+    });
+    if (!room.ok()) return room;
+  }
   photon_memory_ = *std::move(memory);
   map_memory_ = photon_memory_.Split(Holder::kMaps, map_bytes);
   return absl::OkStatus();
@@ -116,7 +119,9 @@ absl::Status BuildJob::Build(const PhotonSource& photons) {
 /// the device has other work.
 void BuildJob::Keep(const std::function<void(const absl::Status&)>& done) {
   if (state_.snapshots == nullptr) {
-    Answer(state_.store.Add(*std::exchange(built_, std::nullopt)));
+    StoredMap map = *std::exchange(built_, std::nullopt);
+    MakeReloadable(state_, map, std::make_shared<HostPhotons>(state_, plan_));
+    Answer(state_.store.Add(std::move(map)));
     return done(absl::OkStatus());
   }
   state_.disk.Submit([this, done] { done(Guard([this] { return Write(); })); });
@@ -142,7 +147,9 @@ absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource&
   photons_ = *std::move(read);
   v1::Timings& timings = record_.timings;
   timings.set_download_us(reading.microseconds());
-  auto gatherer = state_.builder->Build(photons_, plan_.options, call_.cancelled());
+  auto gatherer = WithEviction(state_, MapBytes(plan_), kAnyBytes, [&] {
+    return state_.builder->Build(photons_, plan_.options, call_.cancelled());
+  });
   if (!gatherer.ok()) return gatherer.status();
   record_.stages = (*gatherer)->report().stages;
   for (const StageTime& stage : record_.stages) {

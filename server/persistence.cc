@@ -40,28 +40,21 @@ absl::StatusOr<Photons> ReadKept(State& state, const std::string& name, std::uin
   return photons;
 }
 
-/// Gives `map` a gatherer that reads its file where it is not on the device. `tree` may be null.
-void MakeReloadable(State& state, StoredMap& map, ReloadableMap::Description description,
-                    std::shared_ptr<const ResidentTree> tree) {
-  const BuildPlan plan{.name = map.name,
-                       .photon_count = description.photon_count,
-                       .has_powers = description.has_powers,
-                       .has_directions = description.has_directions,
-                       .options = map.options,
-                       .time_to_live = {},
-                       .request_id = {}};
-  ReloadableMap::ReadFrom read = [&state, name = map.name, version = map.version,
-                                  checksum = map.checksum] {
-    return ReadKept(state, name, version, checksum);
-  };
-  auto load = [&state, plan, read](const CancelCheck& cancelled) {
-    return LoadTree(state, plan, read, cancelled);
-  };
-  auto reloadable = std::make_unique<ReloadableMap>(std::move(description), std::move(load),
-                                                    std::move(read), std::move(tree));
-  map.reloadable = reloadable.get();
-  map.gatherer = std::move(reloadable);
-}
+/// Photons that are in the file of their map.
+class FilePhotons final : public PhotonKeeper {
+ public:
+  FilePhotons(State& state, const StoredMap& map)
+      : state_(state), name_(map.name), version_(map.version), checksum_(map.checksum) {}
+
+  absl::Status Save(const Gatherer&) override { return absl::OkStatus(); }
+  void Forget() override {}
+  absl::StatusOr<Photons> Read() override { return ReadKept(state_, name_, version_, checksum_); }
+
+ private:
+  State& state_;
+  const std::string name_;
+  const std::uint64_t version_, checksum_;
+};
 
 TimePoint FromUnixMs(std::int64_t ms) { return TimePoint(std::chrono::milliseconds(ms)); }
 
@@ -96,7 +89,8 @@ StoredMap FromHead(State& state, const SnapshotHead& head) {
                  .leaf_fill = tree.leaf_fill(),
                  .sah_cost = tree.sah_cost(),
                  .isa_cost = tree.isa_cost()};
-  MakeReloadable(state, map, std::move(description), nullptr);
+  MakeReloadable(state, map, std::move(description), std::make_shared<FilePhotons>(state, map),
+                 nullptr);
   return map;
 }
 
@@ -166,13 +160,7 @@ absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& ph
     if (absl::IsAlreadyExists(written.status())) continue;
     if (!written.ok()) return written.status();
     map.checksum = *written;
-    ReloadableMap::Description description{.photon_count = map.gatherer->photon_count(),
-                                           .has_powers = map.gatherer->has_powers(),
-                                           .has_directions = map.gatherer->has_directions(),
-                                           .report = map.gatherer->report()};
-    auto tree = std::make_shared<const ResidentTree>(
-        ResidentTree{.gatherer = std::move(map.gatherer), .memory = std::move(map.memory)});
-    MakeReloadable(state, map, std::move(description), std::move(tree));
+    MakeReloadable(state, map, std::make_shared<FilePhotons>(state, map));
     return state.store.Add(std::move(map));
   }
 }

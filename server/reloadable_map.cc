@@ -6,11 +6,12 @@
 
 namespace treelight::server {
 
-ReloadableMap::ReloadableMap(Description description, Load load, ReadFrom read,
+ReloadableMap::ReloadableMap(Description description, Load load,
+                             std::shared_ptr<PhotonKeeper> keeper,
                              std::shared_ptr<const ResidentTree> tree)
     : description_(std::move(description)),
       load_(std::move(load)),
-      read_(std::move(read)),
+      keeper_(std::move(keeper)),
       tree_(std::move(tree)),
       last_use_(std::chrono::steady_clock::now()) {}
 
@@ -35,7 +36,9 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> ReloadableMap::Acquire(
   auto loaded = load_(cancelled);
   if (!loaded.ok()) return loaded;
   const std::lock_guard lock(mutex_);
-  if (!Broken("loaded_once")) tree_ = *loaded;
+  if (Broken("loaded_once")) return loaded;
+  tree_ = *loaded;
+  keeper_->Forget();
   last_use_ = std::chrono::steady_clock::now();
   return loaded;
 }
@@ -49,9 +52,32 @@ std::shared_ptr<const void> ReloadableMap::ExpectLoad() const {
 }
 
 std::shared_ptr<const ResidentTree> ReloadableMap::Evict() const {
+  std::shared_ptr<const ResidentTree> leaving;
+  {
+    const std::lock_guard lock(mutex_);
+    if (tree_.use_count() != 1) return nullptr;
+    leaving = tree_;  // from here on nobody else lets it leave
+  }
+  const bool saved = keeper_->Save(*leaving->gatherer).ok();
   const std::lock_guard lock(mutex_);
-  if (tree_.use_count() > 1) return nullptr;
-  return std::exchange(tree_, nullptr);
+  if (!saved || leaving.use_count() > 2) {  // somebody has come for it meanwhile
+    keeper_->Forget();
+    return nullptr;
+  }
+  tree_.reset();
+  return leaving;
+}
+
+absl::StatusOr<Photons> ReloadableMap::ReadPhotons() const {
+  std::shared_ptr<const ResidentTree> tree;
+  {
+    const std::lock_guard lock(mutex_);
+    tree = tree_;
+  }
+  // What is saved stays as long as the tree is away.
+  auto photons = keeper_->Read();
+  return absl::IsNotFound(photons.status()) && tree != nullptr ? tree->gatherer->ReadPhotons()
+                                                               : std::move(photons);
 }
 
 std::chrono::steady_clock::time_point ReloadableMap::last_use() const {

@@ -19,9 +19,26 @@ struct ResidentTree {
   MemoryBudget::Share memory;
 };
 
-/// A map whose tree may leave the device, since its photons are kept elsewhere: in a file, say. The
-/// tree comes back when it is asked for, and is the same, bit for bit. Safe to call from several
-/// threads at once; those that need the tree call on the thread of the device.
+/// Where the photons of a map are while its tree is not on the device. Safe to call from several
+/// threads at once.
+class PhotonKeeper {
+ public:
+  virtual ~PhotonKeeper() = default;
+
+  /// The tree is about to leave: its photons are taken from `gatherer`, unless they are kept
+  /// anyway. RESOURCE_EXHAUSTED: there is no memory for them. The errors of Gatherer::ReadPhotons.
+  virtual absl::Status Save(const Gatherer& gatherer) = 0;
+
+  /// The tree is on the device, by which what was saved is of no more use.
+  virtual void Forget() = 0;
+
+  /// A copy of the photons. NOT_FOUND, DATA_LOSS: they are gone. RESOURCE_EXHAUSTED.
+  virtual absl::StatusOr<Photons> Read() = 0;
+};
+
+/// A map whose tree may leave the device, since its photons are kept elsewhere. The tree comes back
+/// when it is asked for, and is the same, bit for bit. Safe to call from several threads at once;
+/// those that need the tree call on the thread of the device.
 class ReloadableMap final : public Gatherer {
  public:
   /// What is known of the map without its tree.
@@ -34,10 +51,9 @@ class ReloadableMap final : public Gatherer {
   /// RESOURCE_EXHAUSTED for want of memory.
   using Load =
       std::function<absl::StatusOr<std::shared_ptr<const ResidentTree>>(const CancelCheck&)>;
-  using ReadFrom = std::function<absl::StatusOr<Photons>()>;
 
-  /// `tree` is null where the map begins off the device.
-  ReloadableMap(Description description, Load load, ReadFrom read,
+  /// `load` may use `keeper`. `tree` is null where the map begins off the device.
+  ReloadableMap(Description description, Load load, std::shared_ptr<PhotonKeeper> keeper,
                 std::shared_ptr<const ResidentTree> tree);
 
   /// Whether the tree is on the device; and what it holds there at present, bytes.
@@ -51,7 +67,8 @@ class ReloadableMap final : public Gatherer {
   /// there is one.
   std::shared_ptr<const void> ExpectLoad() const;
 
-  /// Lets go of the tree, which the caller frees; null where it is in use, or not here.
+  /// Lets go of the tree, which the caller frees; null where it is in use, or not here, or where
+  /// its photons cannot be kept. May copy them, and wait for the device to do so.
   std::shared_ptr<const ResidentTree> Evict() const;
 
   /// When the tree was used last.
@@ -60,7 +77,7 @@ class ReloadableMap final : public Gatherer {
   absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
                                       const CancelCheck& cancelled) const override;
   absl::StatusOr<Tree> ReadTree() const override;
-  absl::StatusOr<Photons> ReadPhotons() const override { return read_(); }
+  absl::StatusOr<Photons> ReadPhotons() const override;
   std::size_t photon_count() const override { return description_.photon_count; }
   bool has_powers() const override { return description_.has_powers; }
   bool has_directions() const override { return description_.has_directions; }
@@ -69,7 +86,7 @@ class ReloadableMap final : public Gatherer {
  private:
   const Description description_;
   const Load load_;
-  const ReadFrom read_;
+  const std::shared_ptr<PhotonKeeper> keeper_;
   mutable std::mutex mutex_;
   mutable std::shared_ptr<const ResidentTree> tree_;        // guarded by mutex_; null: not here
   mutable std::chrono::steady_clock::time_point last_use_;  // guarded by mutex_

@@ -25,37 +25,77 @@ std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes) {
   return freed;
 }
 
+namespace {
+
+/// Builds the tree of `plan` from what `keeper` has, with room taken for it, on the device's
+/// thread. The errors of PhotonKeeper::Read and Builder::Build; RESOURCE_EXHAUSTED: there is no
+/// room.
 absl::StatusOr<std::shared_ptr<const ResidentTree>> LoadTree(State& state, const BuildPlan& plan,
-                                                             const ReloadableMap::ReadFrom& read,
+                                                             PhotonKeeper& keeper,
                                                              const CancelCheck& cancelled) {
   const std::string what =
       fmt::format("map '{}' with {} photons is not on the device", plan.name, plan.photon_count);
   const std::uint64_t map_bytes = MapBytes(plan);
   if (!state.options.devices.empty()) {
-    const auto room = WithEviction(state, map_bytes, [&] {
-      return CheckDeviceRoom(plan, state.options.devices[state.options.device_index],
-                             DeviceBytes(state.store.List()), what);
+    const DeviceInfo& device = state.options.devices[state.options.device_index];
+    const std::uint64_t most = CheckDeviceRoom(plan, device, 0, what).ok() ? kAnyBytes : 0;
+    const auto room = WithEviction(state, map_bytes, most, [&] {
+      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what);
     });
     if (!room.ok()) return room;
   }
   const std::uint64_t held_bytes = state.maps_in_host_memory() ? map_bytes : 0;
   const std::uint64_t all_bytes =
       PhotonBytes(plan) + state.builder->WorkBytes(plan.options, plan.photon_count) + held_bytes;
-  auto memory = WithEviction(state, all_bytes, [&] {
+  auto memory = WithEviction(state, all_bytes, HostRoom(state), [&] {
     return state.memory.Take(Holder::kUploads, all_bytes, what, state.device_queue.RetryDelay());
   });
   if (!memory.ok()) return memory.status();
   MemoryBudget::Share held = memory->Split(Holder::kMaps, held_bytes);
-  const auto photons = read();
+  const auto photons = keeper.Read();
   if (!photons.ok()) return photons.status();
   BuildOptions options = plan.options;
   if (Broken("same_tree")) options.max_leaf_size += 1;
-  auto gatherer = WithEviction(state, map_bytes,
+  auto gatherer = WithEviction(state, map_bytes, kAnyBytes,
                                [&] { return state.builder->Build(*photons, options, cancelled); });
   if (!gatherer.ok()) return gatherer.status();
   if (state.maps_in_host_memory()) held.Resize((*gatherer)->report().device_bytes);
   return std::make_shared<const ResidentTree>(
       ResidentTree{.gatherer = *std::move(gatherer), .memory = std::move(held)});
+}
+
+BuildPlan PlanOf(const StoredMap& map, const ReloadableMap::Description& description) {
+  return {.name = map.name,
+          .photon_count = description.photon_count,
+          .has_powers = description.has_powers,
+          .has_directions = description.has_directions,
+          .options = map.options,
+          .time_to_live = {},
+          .request_id = {}};
+}
+
+}  // namespace
+
+void MakeReloadable(State& state, StoredMap& map, ReloadableMap::Description description,
+                    std::shared_ptr<PhotonKeeper> keeper,
+                    std::shared_ptr<const ResidentTree> tree) {
+  auto load = [&state, plan = PlanOf(map, description), keeper](const CancelCheck& cancelled) {
+    return LoadTree(state, plan, *keeper, cancelled);
+  };
+  auto reloadable = std::make_unique<ReloadableMap>(std::move(description), std::move(load),
+                                                    std::move(keeper), std::move(tree));
+  map.reloadable = reloadable.get();
+  map.gatherer = std::move(reloadable);
+}
+
+void MakeReloadable(State& state, StoredMap& map, std::shared_ptr<PhotonKeeper> keeper) {
+  ReloadableMap::Description description{.photon_count = map.gatherer->photon_count(),
+                                         .has_powers = map.gatherer->has_powers(),
+                                         .has_directions = map.gatherer->has_directions(),
+                                         .report = map.gatherer->report()};
+  auto tree = std::make_shared<const ResidentTree>(
+      ResidentTree{.gatherer = std::move(map.gatherer), .memory = std::move(map.memory)});
+  MakeReloadable(state, map, std::move(description), std::move(keeper), std::move(tree));
 }
 
 }  // namespace treelight::server

@@ -2,10 +2,10 @@
 #define TREELIGHT_SERVER_RESIDENCY_H_
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "server/convert.h"
 #include "server/reloadable_map.h"
 #include "server/state.h"
 
@@ -24,23 +24,35 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
   return result.status();
 }
 
+/// Room for whatever is asked for.
+inline constexpr std::uint64_t kAnyBytes = std::numeric_limits<std::uint64_t>::max();
+
 /// What `take` returns; as long as that is RESOURCE_EXHAUSTED and idle maps can leave, they do, for
-/// `bytes`, and it is called again.
+/// `bytes`, and it is called again. None leaves for what would not fit into all the `room` there
+/// is.
 template <typename Take>
-auto WithEviction(State& state, std::uint64_t bytes, Take take) {
+auto WithEviction(State& state, std::uint64_t bytes, std::uint64_t room, Take take) {
   while (true) {
     auto taken = take();
-    if (taken.ok() || !absl::IsResourceExhausted(StatusOf(taken)) ||
+    if (taken.ok() || !absl::IsResourceExhausted(StatusOf(taken)) || bytes > room ||
         EvictIdleMaps(state, bytes) == 0) {
       return taken;
     }
   }
 }
-/// Builds the tree of `plan` from what `read` gives, with room taken for it, on the device's
-/// thread. The errors of `read` and Builder::Build; RESOURCE_EXHAUSTED: there is no room.
-absl::StatusOr<std::shared_ptr<const ResidentTree>> LoadTree(State& state, const BuildPlan& plan,
-                                                             const ReloadableMap::ReadFrom& read,
-                                                             const CancelCheck& cancelled);
+
+/// The `room` of host memory: on a device with memory of its own, maps that leave give back none.
+inline std::uint64_t HostRoom(const State& state) {
+  return state.maps_in_host_memory() ? state.memory.limit_bytes() : 0;
+}
+
+/// Gives `map` a gatherer whose tree may leave the device: its photons are then with `keeper`, from
+/// which they come back. `tree` may be null.
+void MakeReloadable(State& state, StoredMap& map, ReloadableMap::Description description,
+                    std::shared_ptr<PhotonKeeper> keeper, std::shared_ptr<const ResidentTree> tree);
+
+/// The same for a map whose tree is built, with its own gatherer and memory.
+void MakeReloadable(State& state, StoredMap& map, std::shared_ptr<PhotonKeeper> keeper);
 
 }  // namespace treelight::server
 

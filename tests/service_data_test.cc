@@ -8,9 +8,9 @@
 
 #include "gmock/gmock.h"
 #include "server/snapshot_folder.h"
-#include "tests/forwarding_gatherer.h"
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
+#include "tests/sized_builder.h"
 #include "tests/temporary_folder.h"
 
 // Maps in a data folder: over a new start of the server, out of the device and back.
@@ -19,32 +19,6 @@ namespace {
 
 using std::chrono_literals::operator""ms;
 using ::testing::HasSubstr;
-
-/// Makes maps that say that they hold 64 B a photon.
-class SizedBuilder final : public Builder {
- public:
-  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
-                                                  const BuildOptions& options,
-                                                  const CancelCheck& cancelled) override {
-    auto map = builder_->Build(photons, options, cancelled);
-    if (!map.ok()) return map.status();
-    return std::make_unique<SizedMap>(*std::move(map));
-  }
-
- private:
-  class SizedMap final : public ForwardingGatherer {
-   public:
-    explicit SizedMap(std::unique_ptr<Gatherer> map) : ForwardingGatherer(std::move(map)) {
-      report_ = ForwardingGatherer::report();
-      report_.device_bytes = 64 * photon_count();
-    }
-    const BuildReport& report() const override { return report_; }
-
-   private:
-    BuildReport report_;
-  };
-  const std::unique_ptr<Builder> builder_ = MakeCpuBuilder();
-};
 
 class ServiceDataTest : public ServerTest {
  protected:

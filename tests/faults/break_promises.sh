@@ -51,7 +51,7 @@ request_id              treelight_faults
 request_id_of_last_life breakable_tests       ServiceDataTest.ARepeatedRequestIdAnswersWithTheMapOfTheLastLife
 retry_info              breakable_tests       ServiceAdmissionTest.AnUploadThatFitsLaterIsToldWhen
 route                   breakable_tests       ServiceReplicasTest.AMapTheMetadataDoesNotNameIsRefused
-same_tree               breakable_tests       ServiceDataTest.MapsComeBackWithAllThatIsToldOfThem
+same_tree               breakable_tests       ServiceDataTest.MapsComeBackWithAllThatIsToldOfThem:ServiceResidencyTest.IdleMapsLeaveTheDeviceForHostMemoryAndComeBack
 second_signal           server_process_test   ServerProcessTest.ASecondSignalEndsItAtOnce
 shared_request_id       breakable_tests       ServiceReplicasTest.BuildsOfOneRequestAtTheSameMomentMakeOneMap
 shared_version          breakable_tests       ServiceDataTest.TwoServersOnOneFolderNeverWriteOneVersion

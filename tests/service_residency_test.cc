@@ -1,0 +1,149 @@
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "gmock/gmock.h"
+#include "tests/server_fixture.h"
+#include "tests/sized_builder.h"
+
+// Maps without a data folder: out of the device, into the host's memory, and back.
+namespace treelight::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+class ServiceResidencyTest : public ServerTest {
+ protected:
+  static constexpr std::size_t kCount = 100'000;
+  static constexpr std::uint64_t kMapBytes = 64 * kCount;  // of a SizedBuilder
+  static constexpr std::uint64_t kRest = 3'000'000;        // too little for another map
+
+  /// A server on a device of `type` that has room for `bytes`.
+  void StartOn(const std::string& type, std::uint64_t bytes) {
+    DeviceInfo device;
+    device.type = type;
+    device.memory_bytes = device.max_buffer_bytes = bytes;
+    options_.devices = {device};
+    Start(std::make_unique<SizedBuilder>());
+  }
+  std::vector<v1::PhotonMap> Maps() {
+    grpc::ClientContext context;
+    v1::ListPhotonMapsResponse response;
+    EXPECT_TRUE(stub_->ListPhotonMaps(&context, {}, &response).ok());
+    return {response.maps().begin(), response.maps().end()};
+  }
+  std::vector<std::string> Resident() {
+    std::vector<std::string> names;
+    for (const v1::PhotonMap& map : Maps()) {
+      if (map.device_bytes() > 0) names.push_back(map.name());
+    }
+    return names;
+  }
+  std::uint64_t DeviceBytesUsed() {
+    grpc::ClientContext context;
+    v1::ServerInfo info;
+    EXPECT_TRUE(stub_->GetServerInfo(&context, {}, &info).ok());
+    return info.device_bytes_used();
+  }
+  grpc::Status GatherAll(const std::string& name, v1::GatherResponse& response) {
+    grpc::ClientContext context;
+    return stub_->Gather(&context, MakeBatch(name, queries_, {.k = 5, .outputs = 31}), &response);
+  }
+  /// Gathers, with statistics, which tell one tree from another.
+  std::string Answer(const std::string& name) {
+    v1::GatherResponse response;
+    const auto status = GatherAll(name, response);
+    EXPECT_TRUE(status.ok()) << name << ": " << status.error_message();
+    response.clear_timings();
+    return response.SerializeAsString();
+  }
+
+  const std::vector<float> queries_ = MakePoints(20, 9);
+};
+
+TEST_F(ServiceResidencyTest, IdleMapsLeaveTheDeviceForHostMemoryAndComeBack) {
+  StartOn("gpu", 2 * kMapBytes + kRest);
+  std::vector<std::string> answers;
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    const std::string name = "map" + std::to_string(i);
+    MustBuild(name, MakePhotons(kCount, i));
+    answers.push_back(Answer(name));
+  }
+  EXPECT_THAT(Resident(), ::testing::Contains("map4"));
+  EXPECT_LE(Resident().size(), 2u);
+  for (const std::size_t i : {0, 3, 1, 4, 0, 2}) {
+    const std::string name = "map" + std::to_string(i);
+    EXPECT_EQ(Answer(name), answers[i]) << name;
+    EXPECT_THAT(Resident(), ::testing::Contains(name));
+    EXPECT_LE(DeviceBytesUsed(), options_.devices[0].memory_bytes);
+  }
+}
+
+TEST_F(ServiceResidencyTest, MapsThatLeaveArePaidForWithHostMemoryAndStayWithoutIt) {
+  // Room for the photons of one map, 28 B each, beside those of an upload.
+  constexpr std::uint64_t kPhotonBytes = 28 * kCount;
+  options_.memory_limit = options_.limits.max_message_bytes + 2 * kPhotonBytes + kPhotonBytes / 2;
+  StartOn("gpu", kMapBytes + kRest);
+  MustBuild("map0", MakePhotons(kCount, 0));
+  MustBuild("map1", MakePhotons(kCount, 1));
+  EXPECT_EQ(Resident(), (std::vector<std::string>{"map1"}));
+  v1::BuildPhotonMapResponse response;
+  const auto status = Build(*stub_, MakeUpload("map2", MakePhotons(kCount, 2)), response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(status.error_message(), HasSubstr("of which maps hold 6400000; delete maps"));
+  EXPECT_EQ(Resident(), (std::vector<std::string>{"map1"}));
+  Answer("map1");
+  Answer("map0");
+  EXPECT_EQ(Resident(), (std::vector<std::string>{"map0"}));  // they have changed places
+}
+
+TEST_F(ServiceResidencyTest, OfAMapOfTheCpuOnlyThePhotonsStay) {
+  options_.memory_limit = 40 << 20;
+  StartOn("cpu", std::uint64_t{1} << 40);
+  std::vector<std::string> answers;
+  constexpr std::uint32_t kMaps = 8;  // which would hold 51 MB
+  for (std::uint32_t i = 0; i < kMaps; ++i) {
+    const std::string name = "map" + std::to_string(i);
+    MustBuild(name, MakePhotons(kCount, i));
+    answers.push_back(Answer(name));
+  }
+  EXPECT_LT(Resident().size(), kMaps);
+  for (std::uint32_t i = 0; i < kMaps; ++i) {
+    EXPECT_EQ(Answer("map" + std::to_string(i)), answers[i]) << i;
+  }
+}
+
+TEST_F(ServiceResidencyTest, NoneLeavesForAMapThatNeverFits) {
+  StartOn("gpu", 2 * kMapBytes);
+  MustBuild("map", MakePhotons(kCount, 1));
+  v1::BuildPhotonMapResponse response;
+  const auto status = Build(*stub_, MakeUpload("large", MakePhotons(10 * kCount, 1)), response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(Resident(), (std::vector<std::string>{"map"}));
+}
+
+TEST_F(ServiceResidencyTest, AMapThatIsAwayIsRebuiltFromAndDeleted) {
+  StartOn("gpu", kMapBytes + kRest);
+  const Photons photons = MakePhotons(kCount, 1);
+  MustBuild("away", photons);
+  const std::string answer = Answer("away");
+  MustBuild("here", MakePhotons(kCount, 2));
+  ASSERT_EQ(Resident(), (std::vector<std::string>{"here"}));
+  grpc::ClientContext context;
+  v1::RebuildPhotonMapRequest request;
+  request.set_name("away");
+  request.set_new_name("again");
+  v1::BuildPhotonMapResponse rebuilt;
+  const auto status = stub_->RebuildPhotonMap(&context, request, &rebuilt);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(Resident(), (std::vector<std::string>{"again"}));  // its source stays away
+  grpc::ClientContext deleting;
+  v1::DeletePhotonMapRequest gone;
+  gone.set_name("away");
+  v1::DeletePhotonMapResponse deleted;
+  EXPECT_TRUE(stub_->DeletePhotonMap(&deleting, gone, &deleted).ok());
+  EXPECT_EQ(Maps().size(), 2u);
+}
+
+}  // namespace
+}  // namespace treelight::testing
