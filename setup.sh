@@ -12,7 +12,7 @@ packages=(
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libxxhash-dev prometheus-cpp-dev
   libassimp-dev liblzma-dev
   libgtest-dev libgmock-dev python3-grpcio python3-matplotlib python3-numpy
-  dpkg-dev file help2man openssl
+  dpkg-dev file help2man openssl strace
 )
 [ "${1:-}" != fuzz ] || packages+=(clang-16 libclang-rt-16-dev)
 [ "${1:-}" != nginx ] || packages+=(nginx)

@@ -147,6 +147,57 @@ TEST(ServerProcessTest, ServesLogsAndDrainsWhileACallIsOpen) {
   EXPECT_GT(build["stages_us"].size(), 0u);
 }
 
+/// The index of the first device of a CPU that has OpenCL; -1 where there is none.
+int OpenClCpu() {
+  for (const DeviceInfo& device : ListDevices()) {
+    if (device.type == "cpu" && device.platform != kNativePlatform) return device.index;
+  }
+  return -1;
+}
+
+TEST(ServerProcessTest, ServesOnTheOpenClOfACpuThatDeviceNames) {
+  const int device = OpenClCpu();
+  if (device < 0) GTEST_SKIP() << "no CPU has OpenCL here";
+  Process process({"--listen", "127.0.0.1:0", "--device", std::to_string(device)});
+  const std::string address = process.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << process.err();
+  const auto stub = Connect(address);
+  v1::ServerInfo info;
+  {
+    grpc::ClientContext context;
+    ASSERT_TRUE(stub->GetServerInfo(&context, {}, &info).ok());
+    EXPECT_EQ(info.device_index(), static_cast<std::uint32_t>(device));
+  }
+  const Photons photons = MakePhotons(2003, 1);
+  v1::BuildPhotonMapResponse built;
+  const auto status = Build(*stub, MakeUpload("cloud", photons), built);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(built.map().device(), info.devices(device).name());
+
+  const auto queries = MakePoints(50, 2);
+  const GatherOptions options{.k = 7, .radius = 0.2f, .outputs = kOutputCount | kOutputNeighbors};
+  v1::GatherResponse answer;
+  {
+    grpc::ClientContext context;
+    const auto gathered = stub->Gather(&context, MakeBatch("cloud", queries, options), &answer);
+    ASSERT_TRUE(gathered.ok()) << gathered.error_message();
+  }
+  const auto brute_force = MakeBruteForceBuilder()->Build(photons, {});
+  const GatherResult expected = *(*brute_force)->Gather({.positions = queries}, options);
+  EXPECT_EQ(Array<std::uint32_t>(answer.counts()), expected.counts);
+  EXPECT_EQ(Array<std::uint32_t>(answer.neighbor_ids()), expected.neighbor_ids);
+  EXPECT_EQ(Array<float>(answer.neighbor_squared_distances()), expected.neighbor_squared_distances);
+  {
+    grpc::ClientContext context;
+    v1::DeletePhotonMapRequest request;
+    request.set_name("cloud");
+    v1::DeletePhotonMapResponse response;
+    EXPECT_TRUE(stub->DeletePhotonMap(&context, request, &response).ok());
+  }
+  process.Signal(SIGTERM);
+  EXPECT_EQ(process.Wait(), 0);
+}
+
 TEST(ServerProcessTest, ASecondSignalEndsItAtOnce) {
   Process process({"--listen", "127.0.0.1:0"});
   const auto stub = Connect(process.WaitUntilReady());

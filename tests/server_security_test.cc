@@ -324,6 +324,30 @@ TEST_F(ServerSecurityTest, CertificatesThatChangeAreTakenUp) {
   EXPECT_TRUE(Eventually([&] { return Ask(address, Tls()).ok(); }));
 }
 
+TEST_F(ServerSecurityTest, AClientCaThatChangesIsTakenUp) {
+  Run("cp ca.pem clients.pem");
+  auto arguments = WithTls({"--listen", "127.0.0.1:0"});
+  arguments.insert(arguments.end(), {"--tls-client-ca", File("clients.pem")});
+  Process server(arguments);
+  const std::string address = server.WaitUntilReady();
+  ConnectionOptions client = Tls(), stranger = Tls();
+  client.tls_certificate = File("client.pem"), client.tls_key = File("client.key");
+  stranger.tls_certificate = File("stranger.pem"), stranger.tls_key = File("stranger.key");
+  ASSERT_TRUE(Ask(address, client).ok());
+  ASSERT_FALSE(Ask(address, stranger).ok());
+  const auto open = PhotonMapClient::Connect(address, client, 20s);
+  ASSERT_TRUE((*open)->GetServerInfo().ok());
+  Run("cp other_ca.pem clients.new && mv clients.new clients.pem");
+  EXPECT_TRUE(Eventually([&] { return Ask(address, stranger).ok(); }));
+  EXPECT_EQ(Ask(address, client).code(), absl::StatusCode::kUnavailable);
+  EXPECT_TRUE((*open)->GetServerInfo().ok());  // a connection that is open goes on
+
+  // What is no certificate is told.
+  Run("echo junk > clients.new && mv clients.new clients.pem");
+  EXPECT_TRUE(
+      Eventually([&] { return server.err().find("--tls-client-ca") != std::string::npos; }));
+}
+
 TEST_F(ServerSecurityTest, ATokenLeavesTheMachineEncryptedOrByOrder) {
   const ConnectionOptions options{.token_file = File("renderer")};
   const auto refused = PhotonMapClient::Connect("192.0.2.1:7543", options);

@@ -1,19 +1,18 @@
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <random>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/output.h"
 #include "client/commands/server_option.h"
-#include "client/load/load_run.h"
-#include "client/output_file.h"
+#include "client/load/load_table.h"
 #include "client/table.h"
 #include "fmt/format.h"
 
@@ -25,65 +24,97 @@ const std::map<std::string, Arrivals> kOpenArrivals = {{"constant", Arrivals::kC
 // That the map outlives the run, should this program end without deleting it.
 constexpr double kSpareSeconds = 600;
 
+constexpr std::uint32_t kClosedWorkers = 8, kOpenWorkers = 64;
+
 struct Options {
   LoadOptions load{.arrivals = Arrivals::kPoisson};
-  std::vector<double> rates;  // empty: closed loop
+  std::vector<double> rates, shares;  // both empty: closed loop
+  std::uint32_t workers = 0;          // 0: kClosedWorkers or kOpenWorkers
   double duration_s = 10;
   std::uint64_t photons = 1'000'000;
-  std::string csv_path;
+  std::string csv_path, output;
+  std::vector<std::string> from;
+  bool charts = true;
 };
 
-/// Of a tail that says nothing: empty.
-std::string Milliseconds(const LoadResult& result, const LatencyHistogram& latency,
-                         double fraction) {
-  const bool tail = fraction >= 0.99;
-  if (latency.count() == 0 || (tail && !result.tail_is_sound())) return {};
-  return fmt::format("{:.3f}", 1e-6 * static_cast<double>(latency.Percentile(fraction).count()));
-}
-
-/// The cells of one kind of requests; numbers alone, as the CSV has them.
-std::vector<std::string> Row(const Options& options, double rate, const LoadResult& result,
-                             RequestKind kind) {
-  const KindResult& counted = result.kinds[static_cast<std::size_t>(kind)];
-  const double share =
-      kind == RequestKind::kBuild ? options.load.build_share : 1 - options.load.build_share;
-  return {KindName(kind),
-          rate > 0 ? fmt::format("{:g}", rate * share) : "",
-          fmt::to_string(counted.sent),
-          fmt::to_string(counted.ok),
-          fmt::to_string(counted.refused),
-          fmt::to_string(counted.failed),
-          fmt::to_string(result.late),
-          fmt::format("{:.2f}", static_cast<double>(counted.ok) / result.seconds),
-          Milliseconds(result, counted.latency, 0.5),
-          Milliseconds(result, counted.latency, 0.9),
-          Milliseconds(result, counted.latency, 0.99),
-          Milliseconds(result, counted.latency, 0.999),
-          counted.ok == 0
-              ? std::string()
-              : fmt::format("{:.3f}", 1e-6 * static_cast<double>(counted.latency.max().count()))};
-}
-
-const std::vector<std::string> kColumns = {
-    "kind",     "offered_per_s", "sent",   "ok",     "refused", "failed", "late",
-    "ok_per_s", "p50_ms",        "p90_ms", "p99_ms", "p999_ms", "max_ms"};
-
-absl::Status WriteCsv(const std::string& path, const std::vector<std::vector<std::string>>& rows) {
-  auto file = OutputFile::Create(path);
-  if (!file.ok()) return file.status();
-  std::string text = fmt::format("{}\n", fmt::join(kColumns, ","));
-  for (const auto& row : rows) text += fmt::format("{}\n", fmt::join(row, ","));
-  if (auto status = file->Write(text); !status.ok()) return status;
-  return file->Commit();
-}
-
 std::chrono::milliseconds TimeToLive(const Options& options) {
-  const auto runs = static_cast<double>(std::max<std::size_t>(1, options.rates.size()));
+  const auto runs = static_cast<double>(1 + options.rates.size() + options.shares.size());
   const std::chrono::duration<double> seconds(runs * options.duration_s + kSpareSeconds);
   return std::chrono::duration_cast<std::chrono::milliseconds>(seconds);
 }
 
+/// One run: closed where `rate` is 0. Says on stderr where it has no tail.
+LoadRun RunOnce(PhotonMapClient& client, const MapRef& map, const Options& options, double rate,
+                double share) {
+  LoadOptions load = options.load;
+  load.duration = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * options.duration_s));
+  load.rate = rate;
+  if (rate == 0) load.arrivals = Arrivals::kClosed;
+  load.workers = options.workers > 0 ? options.workers : rate == 0 ? kClosedWorkers : kOpenWorkers;
+  LoadRun run{.options = load, .share = share, .result = RunLoad(client, map, load)};
+  if (!run.result.tail_is_sound()) {
+    Warn(fmt::format(
+        "at {:g} requests/s {} of {} sends were late by more than 1 ms, so there is no p99: {} "
+        "workers are too few, this machine is too busy, or the server is past its capacity",
+        rate, run.result.late, run.result.sent(), load.workers));
+  }
+  return run;
+}
+
+/// What a closed run has answered, requests/s.
+double Capacity(const LoadRun& run) {
+  std::uint64_t ok = 0;
+  for (const KindResult& kind : run.result.kinds) ok += kind.ok;
+  return static_cast<double>(ok) / run.result.seconds;
+}
+
+std::vector<LoadRun> RunAll(PhotonMapClient& client, const MapRef& map, const Options& options) {
+  std::vector<LoadRun> runs;
+  if (options.rates.empty()) runs.push_back(RunOnce(client, map, options, 0, 0));
+  for (const double rate : options.rates) {
+    runs.push_back(RunOnce(client, map, options, rate, 0));
+  }
+  const double capacity = options.shares.empty() ? 0 : Capacity(runs.front());
+  if (capacity == 0) return runs;
+  for (const double share : options.shares) {
+    runs.push_back(RunOnce(client, map, options, share * capacity, share));
+  }
+  return runs;
+}
+
+std::string InFolder(const Options& options, const char* name) {
+  return (std::filesystem::path(options.output) / name).string();
+}
+
+absl::Status MakeFolder(const Options& options) {
+  std::error_code error;
+  if (!options.output.empty()) std::filesystem::create_directories(options.output, error);
+  return error ? absl::FailedPreconditionError(fmt::format("{}: the folder cannot be made: {}",
+                                                           options.output, error.message()))
+               : absl::OkStatus();
+}
+
+/// The table, and the files that were asked for.
+absl::Status Report(const std::vector<LoadRun>& runs, const Options& options) {
+  fmt::print("{}", Format({.head = LoadColumns(), .rows = LoadRows(runs)}));
+  if (!options.csv_path.empty()) {
+    if (auto status = WriteLoadCsv(options.csv_path, runs); !status.ok()) return status;
+  }
+  if (options.output.empty()) return absl::OkStatus();
+  const std::string csv = InFolder(options, "load.csv");
+  if (auto status = WriteLoadCsv(csv, runs); !status.ok()) return status;
+  const bool open = !options.rates.empty() || !options.shares.empty();
+  if (!open || !options.charts) return absl::OkStatus();
+  // The numbers are what was asked for: they do not fail for want of Python.
+  if (auto status = DrawLoadCharts({csv}, options.output); !status.ok()) {
+    Warn({status.message().data(), status.message().size()});
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Run(const Options& options, const GlobalOptions& global) {
+  if (auto status = MakeFolder(options); !status.ok()) return status;
+  if (!options.from.empty()) return DrawLoadCharts(options.from, options.output);
   const auto client = Connect(global);
   if (!client.ok()) return client.status();
   // What is refused is counted, not repeated.
@@ -94,33 +125,14 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
                                 {.time_to_live = TimeToLive(options)});
   if (!built.ok()) return built.status();
   const MapRef map{.name = name.name, .version = built->map().version()};
-
-  std::vector<std::vector<std::string>> rows;
-  absl::Status failure;
-  for (const double rate : options.rates.empty() ? std::vector<double>{0} : options.rates) {
-    LoadOptions load = options.load;
-    load.duration = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * options.duration_s));
-    load.rate = rate;
-    if (rate == 0) load.arrivals = Arrivals::kClosed;
-    const LoadResult result = RunLoad(**client, map, load);
-    if (!result.tail_is_sound()) {
-      Warn(fmt::format(
-          "at {:g} requests/s {} of {} sends were late by more than 1 ms, so there is no p99: {} "
-          "workers are too few, this machine is too busy, or the server is past its capacity",
-          rate, result.late, result.sent(), load.workers));
-    }
-    for (const RequestKind kind : {RequestKind::kGather, RequestKind::kBuild}) {
-      const KindResult& counted = result.kinds[static_cast<std::size_t>(kind)];
-      if (counted.sent > 0) rows.push_back(Row(options, rate, result, kind));
-      failure.Update(counted.first_failure);
-    }
-  }
+  const std::vector<LoadRun> runs = RunAll(**client, map, options);
   (void)(*client)->DeletePhotonMap(map);
-  fmt::print("{}", Format({.head = kColumns, .rows = rows}));
-  if (!options.csv_path.empty()) {
-    if (auto status = WriteCsv(options.csv_path, rows); !status.ok()) return status;
+  absl::Status failure;
+  for (const LoadRun& run : runs) {
+    for (const KindResult& kind : run.result.kinds) failure.Update(kind.first_failure);
   }
-  return failure;
+  const absl::Status reported = Report(runs, options);
+  return reported.ok() ? failure : reported;
 }
 
 }  // namespace
@@ -130,22 +142,31 @@ void AddLoadCommand(CLI::App& app, GlobalOptions& global) {
   CLI::App* command = app.add_subcommand(
       "load",
       "Sends gathers and builds to the server and tells how long they take. Closed loop: each "
-      "worker sends the next request once the last is answered. With --rates, open loop: requests "
-      "are sent when they are due, and latency counts from then");
+      "worker sends the next request once the last is answered. With --rates or --sweep, open "
+      "loop: "
+      "requests are sent when they are due, and latency counts from then");
   LoadOptions& load = options->load;
   command
       ->add_option("--rates", options->rates, "Open loop: requests/s, one run for each: 10,20,40")
       ->delimiter(',')
       ->check(NumberIn(0.01, 1e6));
+  command
+      ->add_option("--sweep", options->shares,
+                   "Open loop after a closed one: shares of what that has reached, one run for "
+                   "each: 0.25,0.5,0.8,1,1.2")
+      ->delimiter(',')
+      ->check(NumberIn(0.001, 100))
+      ->excludes("--rates");
   command->add_option("--arrivals", load.arrivals, "Of the open loop: poisson or constant")
       ->transform(CLI::CheckedTransformer(kOpenArrivals))
       ->default_str("poisson");
   command->add_option("--duration", options->duration_s, "Seconds of each run")
       ->check(NumberIn(0.01, 86'400))
       ->capture_default_str();
-  command->add_option("--workers", load.workers, "Requests that may be under way")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  command
+      ->add_option("--workers", options->workers,
+                   "Requests that may be under way; else 8 in the closed loop, 64 in the open one")
+      ->check(CLI::Range(1, 1024));
   command->add_option("--photons", options->photons, "Photons of the map that is gathered from")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}))
       ->capture_default_str();
@@ -166,6 +187,14 @@ void AddLoadCommand(CLI::App& app, GlobalOptions& global) {
       ->capture_default_str();
   command->add_option("--seed", load.seed, "Of points and arrivals")->capture_default_str();
   command->add_option("--csv", options->csv_path, "Writes the table as CSV");
+  CLI::Option* const output = command->add_option(
+      "--output", options->output, "Folder for load.csv and, of the open loop, load.png and .svg");
+  command
+      ->add_option("--from", options->from,
+                   "Sends nothing: draws the charts of these load.csv files")
+      ->delimiter(',')
+      ->needs(output);
+  command->add_flag("!--no-charts", options->charts, "Leaves the charts out");
   command->callback(
       [options, &global] { global.action = [options, &global] { return Run(*options, global); }; });
 }

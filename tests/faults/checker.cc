@@ -93,6 +93,7 @@ class Judge {
     const KnownMap* const map = maps_.Answering(gather);
     if (map == nullptr) return ExplainWrongAnswer(gather);
     if (map->GoneBy() <= gather.start) {
+      if (maps_.MayBeAnother(*map, gather)) return;
       return Say("came back", "{}: it was gone by {:.3f} s, {}", Asked(gather),
                  1e-6 * static_cast<double>(map->GoneBy()), Story(*map));
     }
@@ -158,7 +159,7 @@ class Judge {
       if (map == nullptr) {
         Say("refused", "{}: nobody built {}@{} with {} photons", asked, listed.name, listed.version,
             listed.photon_count);
-      } else if (map->GoneBy() <= list.start) {
+      } else if (map->GoneBy() <= list.start && !maps_.MayBeAnother(*map, list, listed)) {
         Say("came back", "{}: {} was gone by {:.3f} s", asked, Story(*map),
             1e-6 * static_cast<double>(map->GoneBy()));
       }

@@ -192,6 +192,27 @@ TEST(CheckerTest, WhatWasDeletedOrHasExpiredDoesNotComeBack) {
   EXPECT_THAT(expired.Broken(), ElementsAre("came back"));
 }
 
+TEST(CheckerTest, AVersionThatALaterLifeGaveAgainIsNotTheOneThatIsGone) {
+  for (const bool built_again : {true, false}) {
+    Story story;
+    story.Build("a", kFirst, Outcome::kOk, 1);
+    story.Delete(1, Outcome::kOk);
+    story.KillsAndStarts();
+    if (built_again) story.Build("b", kSecond, Outcome::kUnknown);
+    // Neither has a photon so near: the answer is that of both.
+    Gather& gather = story.Gathers(0, kFirst, 1);
+    gather.queries = {.count = 1, .seed = 7, .k = 5, .radius = 1e-6f};
+    gather.result = *MakeBruteForce(kSecond)->Gather({.positions = MakeQueries(gather.queries)},
+                                                     MakeOptions(gather.queries));
+    ASSERT_EQ(gather.result.counts, (std::vector<std::uint32_t>{0}));
+    if (built_again) {
+      EXPECT_THAT(story.Broken(), IsEmpty());
+    } else {
+      EXPECT_THAT(story.Broken(), ElementsAre("came back"));
+    }
+  }
+}
+
 TEST(CheckerTest, AnswersAreThoseOfBruteForceOverTheVersionTheyName) {
   Story wrong;
   wrong.Build("a", kFirst, Outcome::kOk, 1);

@@ -253,6 +253,30 @@ std::vector<const KnownMap*> KnownMaps::At(const std::string& name, std::uint64_
   return {found->second.begin(), found->second.end()};
 }
 
+template <typename Fits>
+bool KnownMaps::AnotherFits(const KnownMap& gone, Time start, Time end, Fits fits) const {
+  for (const KnownMap* map : At(gone.name, gone.version)) {
+    if (map->born_from < end && map->GoneBy() > start && fits(*map->request)) return true;
+  }
+  const auto unknown = unknown_by_name_.find(gone.name);
+  return unknown != unknown_by_name_.end() &&
+         std::ranges::any_of(unknown->second, [&](const Request* request) {
+           return request != gone.request && request->unknown.front()->start < end &&
+                  fits(*request);
+         });
+}
+
+bool KnownMaps::MayBeAnother(const KnownMap& gone, const Gather& gather) const {
+  return AnotherFits(gone, gather.start, gather.end,
+                     [&](const Request& request) { return Explains(request, gather); });
+}
+
+bool KnownMaps::MayBeAnother(const KnownMap& gone, const List& list, const Listed& listed) const {
+  return AnotherFits(gone, list.start, list.end, [&](const Request& request) {
+    return request.photons.count == listed.photon_count;
+  });
+}
+
 const KnownMap* KnownMaps::Answering(const Gather& gather) const { return answering_.at(&gather); }
 
 const KnownMap* KnownMaps::Matching(const List& list, std::size_t index) const {

@@ -64,6 +64,12 @@ class KnownMaps {
   /// The map that the entry `index` of the list is; null as above.
   const KnownMap* Matching(const List& list, std::size_t index) const;
 
+  /// Whether the sight of `gone`, by an answer or an entry of a list, may be that of another map,
+  /// to which a later life of the server gave the same name and version: one that is known, or one
+  /// whose build nobody was told of.
+  bool MayBeAnother(const KnownMap& gone, const Gather& gather) const;
+  bool MayBeAnother(const KnownMap& gone, const List& list, const Listed& listed) const;
+
   /// Whether brute force over the photons of `request` gives the answer of `gather`.
   bool Explains(const Request& request, const Gather& gather) const;
 
@@ -79,6 +85,8 @@ class KnownMaps {
   void TakeRemovals();
   void Settle();
   KnownMap& Add(const std::string& name, std::uint64_t version, const Request& request);
+  template <typename Fits>
+  bool AnotherFits(const KnownMap& gone, Time start, Time end, Fits fits) const;
   KnownMap* Match(const Gather& gather);
   KnownMap* Match(const List& list, const Listed& listed);
   KnownMap& AddUnknown(const Request& request, std::uint64_t version, Time seen_by);

@@ -1,0 +1,125 @@
+// `treelight load` against a `treelightd` process: its table, CSV and charts.
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "gmock/gmock.h"
+#include "tests/server_process.h"
+#include "tests/treelight_command.h"
+
+namespace treelight::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+/// A row of a CSV by the names of its columns.
+using Row = std::map<std::string, std::string>;
+
+std::vector<std::string> Cells(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream stream(line + ",");
+  for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
+  return cells;
+}
+
+std::vector<Row> ReadCsv(const std::string& path) {
+  std::istringstream lines(ReadFile(path));
+  std::string line;
+  std::getline(lines, line);
+  const auto head = Cells(line);
+  std::vector<Row> rows;
+  while (std::getline(lines, line)) {
+    const auto cells = Cells(line);
+    EXPECT_EQ(cells.size(), head.size()) << line;
+    Row& row = rows.emplace_back();
+    for (std::size_t i = 0; i < std::min(head.size(), cells.size()); ++i) row[head[i]] = cells[i];
+  }
+  return rows;
+}
+
+class LoadCommandTest : public TreelightCommand {
+ protected:
+  void Serve() {
+    server_ = std::make_unique<Process>(
+        std::vector<std::string>{"--listen", "127.0.0.1:0", "--log-file", Path("log")});
+    server_address_ = server_->WaitUntilReady();
+    ASSERT_FALSE(server_address_.empty()) << server_->err();
+  }
+  std::unique_ptr<Process> server_;
+};
+
+TEST_F(LoadCommandTest, ASweepOffersSharesOfWhatTheClosedLoopReached) {
+  Serve();
+  const Outcome load =
+      Run("load --sweep 0.1,0.3 --duration 0.5 --photons 2000 --queries 20 --builds 0.1 "
+          "--build-photons 200 --output sweep --csv other.csv");
+  ASSERT_EQ(load.exit_code, 0) << load.err;
+  EXPECT_THAT(load.out, StartsWith("kind"));
+  const auto rows = ReadCsv(Path("sweep/load.csv"));
+  EXPECT_EQ(ReadFile(Path("other.csv")), ReadFile(Path("sweep/load.csv")));
+  ASSERT_EQ(rows.size(), 6u) << load.out;
+  double capacity = 0;
+  for (const Row& row : rows) {
+    EXPECT_EQ(row.at("ok"), row.at("sent"));
+    EXPECT_GT(std::stod(row.at("p50_ms")), 0);
+    if (row.at("loop") == "closed") capacity += std::stod(row.at("ok_per_s"));
+  }
+  for (std::size_t i = 2; i < rows.size(); ++i) {
+    EXPECT_EQ(rows[i].at("loop"), "open");
+    EXPECT_EQ(rows[i].at("share"), i < 4 ? "0.1" : "0.3");
+    const double offered = std::stod(rows[i].at("offered_per_s"));
+    EXPECT_NEAR(offered, std::stod(rows[i].at("share")) * capacity, 0.01 * offered);
+    // Of a run whose sends were late there is no tail, and a line says so.
+    const bool told = load.err.find("so there is no p99") != std::string::npos;
+    if (rows[i].at("p99_ms").empty()) {
+      EXPECT_TRUE(told);
+    }
+  }
+  // The map that it gathered from is gone; those that it built go by their time to live.
+  std::istringstream maps(Run("maps list").out);
+  for (std::string line; std::getline(maps, line);) {
+    if (line.starts_with("load-")) {
+      EXPECT_THAT(line, HasSubstr(".build"));
+    }
+  }
+  if (load.err.find("no charts") != std::string::npos) GTEST_SKIP() << load.err;
+  EXPECT_THAT(ReadFile(Path("sweep/load.png")), StartsWith("\x89PNG"));
+  EXPECT_THAT(ReadFile(Path("sweep/load.svg")), HasSubstr("offered requests/s"));
+}
+
+TEST_F(LoadCommandTest, ChartsAreDrawnFromACsvWithoutAServer) {
+  const std::string head =
+      "kind,loop,share,offered_per_s,sent,ok,refused,failed,late,ok_per_s,p50_ms,p90_ms,p99_ms,"
+      "p999_ms,max_ms\n";
+  std::ofstream(Path("a.csv")) << head << "gather,closed,,,9,9,0,0,0,100,1,1,1,1,1\n"
+                               << "gather,open,0.5,50,9,9,0,0,0,50,1,1,2,3,3\n"
+                               << "gather,open,1.2,120,9,9,0,0,5,99,40,90,,,100\n";
+  const Outcome drawn = Run("load --from a.csv --output charts");
+  if (drawn.err.find("no charts") != std::string::npos) GTEST_SKIP() << drawn.err;
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  const std::string chart = ReadFile(Path("charts/load.svg"));
+  for (const char* label : {"gather 50 %", "gather 99.9 %", "closed loop", "answered requests/s"}) {
+    EXPECT_THAT(chart, HasSubstr(label));
+  }
+  std::ofstream(Path("b.csv")) << head << "gather,open,1,fast,9,9,0,0,0,50,1,1,2,3,3\n";
+  EXPECT_THAT(FailingRun("load --from b.csv --output charts", 1),
+              HasSubstr("b.csv:2: offered_per_s is 'fast', no number"));
+  std::ofstream(Path("c.csv")) << "x,y\n1,2\n";
+  EXPECT_THAT(FailingRun("load --from c.csv --output charts", 1),
+              HasSubstr("c.csv:1: the columns are not those of a load"));
+}
+
+TEST_F(LoadCommandTest, WhatContradictsItselfIsRefused) {
+  EXPECT_THAT(FailingRun("load --rates 5 --sweep 0.5", 2), HasSubstr("--rates excludes --sweep"));
+  EXPECT_THAT(FailingRun("load --from a.csv", 2), HasSubstr("--from requires --output"));
+  EXPECT_THAT(FailingRun("load --sweep 0", 2), HasSubstr("--sweep"));
+  EXPECT_THAT(FailingRun("load --builds 1.5", 2), HasSubstr("--builds"));
+}
+
+}  // namespace
+}  // namespace treelight::testing
