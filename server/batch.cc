@@ -9,6 +9,7 @@
 #include "fmt/format.h"
 #include "server/answer.h"
 #include "server/break_switch.h"
+#include "server/gather_together.h"
 #include "server/guard.h"
 
 namespace treelight::server {
@@ -73,22 +74,74 @@ void Batch::GatherNext(Done done) {
 
 void Batch::GatherSlice(const Done& done) {
   slice_ = {slice_.last, std::min(slice_.last + slice_size_, batch_.size())};
+  const auto queries = batch_.queries(slice_.first, slice_.last);
+  const std::string together = TogetherKey(*map_->gatherer, queries, batch_.options);
+  done_ = done;
   const auto submitted = state_.device_queue.Submit(
       [this] { return call_.Alive(); },
-      [this, done](const absl::Status& turn, double queue_us) {
+      [this, alone = together.empty()](const absl::Status& turn, double queue_us) {
         v1::Timings& timings = record_.timings;
         timings.set_queue_us(timings.queue_us() + queue_us);
-        if (!turn.ok()) return done(turn);
-        const Stopwatch held;
-        const auto status = call_.Explain(Guard([this] { return Gather(); }));
-        slice_us_ = held.microseconds();
-        record_.device_us = record_.device_us.value_or(0) + slice_us_;
-        done(status);
+        if (!turn.ok()) return End(turn);
+        if (alone) return GatherAlone();
+        state_.going.push_back(this);
       },
       {.work = Work::Gather(batch_.options.k, slice_.last - slice_.first),
        .deadline = call_.deadline(),
-       .call = &call_});
-  if (!submitted.ok()) done(submitted);
+       .call = &call_,
+       .together = together,
+       .launch = [&state = state_] { Launch(state); }});
+  if (!submitted.ok()) End(submitted);
+}
+
+/// Ends a step; this object may be gone after it.
+void Batch::End(const absl::Status& status) { std::exchange(done_, {})(status); }
+
+void Batch::GatherAlone() {
+  const Stopwatch held;
+  const auto status = call_.Explain(Guard([this] { return Gather(); }));
+  Held(held.microseconds());
+  End(status);
+}
+
+/// Takes note of the time for which the device was this batch's.
+void Batch::Held(double microseconds) {
+  slice_us_ = microseconds;
+  record_.device_us = record_.device_us.value_or(0) + slice_us_;
+}
+
+/// Gathers the slices of all batches that go together.
+void Batch::Launch(State& state) {
+  const std::vector<Batch*> going = std::exchange(state.going, {});
+  if (going.size() == 1) return going.front()->GatherAlone();
+  std::vector<GatherQueries> queries;
+  for (const Batch* batch : going) {
+    queries.push_back(batch->batch_.queries(batch->slice_.first, batch->slice_.last));
+  }
+  const CancelCheck cancelled = [&going] {
+    return std::ranges::none_of(going, [](const Batch* b) { return b->call_.Alive().ok(); });
+  };
+  const Batch& first = *going.front();
+  const Stopwatch held;
+  std::vector<GatherResult> parts;
+  const auto status = Guard([&] {
+    auto gathered = GatherTogether(*first.map_->gatherer, queries, first.batch_.options, cancelled);
+    if (gathered.ok()) parts = *std::move(gathered);
+    return gathered.status();
+  });
+  const double held_us = held.microseconds();
+  // What fails together may succeed alone; what nobody waits for says so.
+  for (std::size_t i = 0; i < going.size(); ++i) {
+    Batch& batch = *going[i];
+    if (!status.ok()) {
+      batch.GatherAlone();
+      continue;
+    }
+    batch.record_.launch_batches = going.size();
+    batch.Held(held_us);
+    batch.Take(std::move(parts[i]));
+    batch.End(batch.call_.Alive());
+  }
 }
 
 /// What the log tells of a batch, also of one that is refused.
@@ -193,7 +246,16 @@ absl::Status Batch::Gather() {
   auto result = map_->gatherer->Gather(batch_.queries(slice_.first, slice_.last), batch_.options,
                                        call_.cancelled());
   if (!result.ok()) return result.status();
-  result_ = *std::move(result);
+  Take(*std::move(result));
+  if (lists) {
+    answer_memory_.Resize(answer_memory_.bytes() + kNeighborBytes * result_.neighbor_ids.size());
+  }
+  return absl::OkStatus();
+}
+
+/// The answers of a slice.
+void Batch::Take(GatherResult result) {
+  result_ = std::move(result);
   const auto& distances = result_.neighbor_squared_distances;
   if (Broken("ties") && distances.size() > 1 && distances[0] == distances[1]) {
     std::swap(result_.neighbor_ids[0], result_.neighbor_ids[1]);
@@ -204,11 +266,7 @@ absl::Status Batch::Gather() {
   if (Broken("density")) {
     for (float& sum : result_.densities) sum *= 1.001f;
   }
-  if (lists) {
-    answer_memory_.Resize(answer_memory_.bytes() + kNeighborBytes * result_.neighbor_ids.size());
-  }
   AddTimes();
-  return absl::OkStatus();
 }
 
 void Batch::AddTimes() {

@@ -29,6 +29,9 @@ enum class AnswerForm {
 /// first is as large as a part and each further one twice as large as the one before, up to
 /// Limits::max_slice_bytes and 100 ms of the device: one that does not read at all has little of
 /// it, and nobody waits long for one that runs.
+///
+/// A slice of a few queries goes to the device with those of other batches that wait and ask the
+/// same of the same map (gather_together.h).
 class Batch {
  public:
   /// How a step has ended; called exactly once, with nothing held and not always on another thread.
@@ -68,7 +71,12 @@ class Batch {
   std::uint64_t QueryBytes() const;
   std::uint64_t HeldBytes(std::size_t query_count) const;
   void GatherSlice(const Done& done);
+  static void Launch(State& state);
+  void GatherAlone();
   absl::Status Gather();
+  void Take(GatherResult result);
+  void Held(double microseconds);
+  void End(const absl::Status& status);
   void AddTimes();
   void Describe(const v1::GatherRequest& request);
 
@@ -84,6 +92,7 @@ class Batch {
   GatherBatch batch_;
   std::size_t slice_size_ = 0;  // queries
   Slice slice_;                 // what result_ answers
+  Done done_;                   // of the slice that waits for the device or has it
   double slice_us_ = 0;         // of the device, for slice_
   GatherResult result_;
   std::size_t next_query_ = 0;  // in no part yet

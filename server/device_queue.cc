@@ -1,6 +1,7 @@
 #include "server/device_queue.h"
 
 #include <algorithm>
+#include <unordered_set>
 #include <utility>
 
 #include "fmt/format.h"
@@ -47,6 +48,8 @@ absl::Status DeviceQueue::Submit(Alive alive, Turn turn, const DeviceAsk& ask) {
                      .turn = std::move(turn),
                      .work = ask.work,
                      .call = ask.call,
+                     .together = ask.together,
+                     .launch = ask.launch,
                      .submitted = Clock::now(),
                      .arrived_us = virtual_us_,
                      .status = {}});
@@ -186,54 +189,103 @@ double DeviceQueue::RunningUs() const {
 
 void DeviceQueue::Serve(const std::stop_token& stop) {
   while (true) {
-    Job job;
+    std::vector<Job> jobs;
     {
       std::unique_lock lock(mutex_);
       wake_.wait(lock, stop, [this] { return !jobs_.empty() || !left_.empty(); });
       if (jobs_.empty() && left_.empty()) return;  // asked to stop, and nobody is left to tell
-      job = TakeNext();
+      jobs = TakeNext();
     }
-    if (job.status.ok()) {
-      Run(job, stop);
+    if (const Job& job = jobs.front(); job.status.ok()) {
+      Run(jobs, stop);
     } else {
       job.turn(job.status, Microseconds(Clock::now() - job.submitted));
     }
   }
 }
 
-/// One that has left, or the one with the smallest F, which runs from now on.
-DeviceQueue::Job DeviceQueue::TakeNext() {
-  const bool leaves = !left_.empty();
-  Jobs& jobs = leaves ? left_ : jobs_;
-  std::size_t next = 0;
-  if (!leaves) {
-    const std::vector<double> finish_us = FinishUs();
-    if (!Broken("fair_queue")) {
-      next = std::ranges::min_element(finish_us) - finish_us.begin();
-    }
-    const double start_us = finish_us[next] - CostUs(jobs_[next].work);
-    running_ = {.work = jobs_[next].work, .start_us = start_us, .begun = Clock::now()};
-    shares_[jobs_[next].call].finish_us = finish_us[next];
+/// One that has left, or the one with the smallest F and those that go with it, which run from now
+/// on.
+std::vector<DeviceQueue::Job> DeviceQueue::TakeNext() {
+  std::vector<Job> taken;
+  if (!left_.empty()) {
+    taken.push_back(std::move(left_.front()));
+    left_.pop_front();
+    return taken;
   }
-  Job job = std::move(jobs[next]);
-  jobs.erase(jobs.begin() + static_cast<std::ptrdiff_t>(next));
-  return job;
+  const std::vector<double> finish_us = FinishUs();
+  const std::size_t next =
+      Broken("fair_queue") ? 0 : std::ranges::min_element(finish_us) - finish_us.begin();
+  running_ = {.work = {.kind = jobs_[next].work.kind}, .begun = Clock::now()};
+  const std::vector<std::size_t> going = GoingWith(next);
+  for (const std::size_t i : going) {
+    Job& job = jobs_[i];
+    job.cost_us = CostUs(job.work);
+    shares_[job.call].finish_us = finish_us[i];
+    running_->work.items += job.work.items;
+    taken.push_back(std::move(job));
+  }
+  for (auto i = going.rbegin(); i != going.rend(); ++i) {
+    jobs_.erase(jobs_.begin() + static_cast<std::ptrdiff_t>(*i));
+  }
+  return taken;
 }
 
-void DeviceQueue::Run(Job& job, const std::stop_token& stop) {
+/// The job `next` and those that go with it, in the order in which they came.
+std::vector<std::size_t> DeviceQueue::GoingWith(std::size_t next) const {
+  constexpr std::uint64_t kMostItems = 1024;
+  const Job& first = jobs_[next];
+  if (first.together.empty()) return {next};
+  std::vector<std::size_t> going;
+  std::uint64_t items = first.work.items;
+  std::unordered_set<const void*> held;  // calls with a job that stays: later ones stay behind it
+  for (std::size_t i = 0; i < jobs_.size(); ++i) {
+    const Job& job = jobs_[i];
+    const bool goes =
+        i == next || (job.together == first.together && job.work.kind == first.work.kind &&
+                      !held.contains(job.call) && items + job.work.items <= kMostItems);
+    if (goes) {
+      going.push_back(i);
+      if (i != next) items += job.work.items;
+    } else {
+      held.insert(job.call);
+    }
+  }
+  return going;
+}
+
+void DeviceQueue::Run(const std::vector<Job>& jobs, const std::stop_token& stop) {
   const auto begun = Clock::now();
-  const absl::Status turn = stop.stop_requested()
-                                ? absl::UnavailableError("the server has stopped; repeat elsewhere")
-                            : Broken("cancelled_in_queue") ? absl::OkStatus()
-                                                           : job.alive();
-  job.turn(turn, Microseconds(begun - job.submitted));
+  std::vector<bool> runs(jobs.size());
+  std::function<void()> launch;
+  Work work{.kind = jobs.front().work.kind};
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    const Job& job = jobs[i];
+    const absl::Status turn =
+        stop.stop_requested() ? absl::UnavailableError("the server has stopped; repeat elsewhere")
+        : Broken("cancelled_in_queue") ? absl::OkStatus()
+                                       : job.alive();
+    runs[i] = turn.ok();
+    if (runs[i]) {
+      if (!job.together.empty()) launch = job.launch;
+      work.items += job.work.items;
+    }
+    job.turn(turn, Microseconds(begun - job.submitted));
+  }
+  if (launch) launch();
   const std::lock_guard lock(mutex_);
   AdvanceVirtualTime();
   const double took_us = Microseconds(Clock::now() - begun);
-  if (turn.ok()) estimate_.Measured(job.work, took_us);
-  shares_[job.call].finish_us = running_->start_us + took_us;
+  if (work.items > 0) estimate_.Measured(work, took_us);
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    const double part =
+        jobs.size() == 1 ? 1
+        : !runs[i]       ? 0
+                   : static_cast<double>(jobs[i].work.items) / static_cast<double>(work.items);
+    shares_[jobs[i].call].finish_us += took_us * part - jobs[i].cost_us;
+  }
   running_.reset();
-  ForgetJob(job.call);
+  for (const Job& job : jobs) ForgetJob(job.call);
 }
 
 }  // namespace treelight::server

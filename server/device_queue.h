@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <stop_token>
+#include <string>
 #include <thread>
 #include <unordered_map>
 #include <vector>
@@ -23,6 +24,11 @@ struct DeviceAsk {
   Work work{};
   std::chrono::system_clock::time_point deadline = std::chrono::system_clock::time_point::max();
   const void* call = nullptr;  ///< which jobs share a turn, an address that tells calls apart
+  /// Jobs of a few items with the same key and kind of work go together: those that wait when one
+  /// of them is next. Empty: alone.
+  std::string together{};
+  /// Of jobs with a key: does the work of all that go together. Called once, of one of them.
+  std::function<void()> launch{};
 };
 
 /// Work for the device, one job at a time, on a thread of its own. Safe to call from several
@@ -36,6 +42,8 @@ struct DeviceAsk {
 /// and the job with the smallest F is next, the earlier one where two are equal. So a small job
 /// passes the large ones of others, however many calls they come from, and a large one waits at
 /// most until each other call has had as much of the device. Jobs of one call keep their order.
+/// Nothing waits to be joined: what has come by the time that the device is free goes together, and
+/// each has had its share of the time, by its items.
 /// We depart from the paper in that the time of a job that waits is estimated from those before,
 /// see WorkEstimate, each time that one is chosen.
 class DeviceQueue {
@@ -46,6 +54,7 @@ class DeviceQueue {
   /// Called exactly once, on the queue's thread. OK: the device is the job's until it returns.
   /// Otherwise the job must not run: the reason that `Alive` gave, RESOURCE_EXHAUSTED where it had
   /// to leave a full queue, or UNAVAILABLE where the queue ends. `queue_us` is the time it waited.
+  /// Of a job with a key it only tells that the job goes: DeviceAsk::launch follows the last one.
   using Turn = std::function<void(const absl::Status& turn, double queue_us)>;
 
   /// At most `depth` jobs wait; the one that runs does not count.
@@ -79,14 +88,16 @@ class DeviceQueue {
     Turn turn;
     Work work;
     const void* call = nullptr;
+    std::string together;
+    std::function<void()> launch;
     Clock::time_point submitted;
     double arrived_us = 0;  // V when it came
+    double cost_us = 0;     // its part of F, of one that runs
     absl::Status status;    // why it must not run
   };
   using Jobs = std::deque<Job>;
   struct Running {
     Work work;
-    double start_us = 0;  // F less its time
     Clock::time_point begun;
   };
   /// What a call has of the device.
@@ -95,10 +106,11 @@ class DeviceQueue {
     double finish_us = 0;       // F of the last job that ran
   };
 
-  void Run(Job& job, const std::stop_token& stop);
+  void Run(const std::vector<Job>& jobs, const std::stop_token& stop);
   void Serve(const std::stop_token& stop);
   // All of these need mutex_.
-  Job TakeNext();
+  std::vector<Job> TakeNext();
+  std::vector<std::size_t> GoingWith(std::size_t next) const;
   void AdvanceVirtualTime();
   void ForgetJob(const void* call);
   std::vector<double> FinishUs(const DeviceAsk* ask = nullptr) const;

@@ -78,6 +78,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   json["serialise_us"] = Rounded(times.serialise_us());
   json["total_us"] = Rounded(times.total_us());
   if (record.device_us) json["device_us"] = Rounded(*record.device_us);
+  Set(json, "launch_batches", record.launch_batches);
   if (record.options) json["options"] = FormatMessage(*record.options);
   if (record.tree) json["tree"] = FormatMessage(*record.tree);
   for (const StageTime& stage : record.stages) {

@@ -41,6 +41,9 @@ struct RequestRecord {
   /// Wall time for which it held the device, also where it failed there and `timings` has no parts
   /// of it.
   std::optional<double> device_us;
+  /// Batches that the device answered in one launch with this one, itself included; its times are
+  /// those of the launch.
+  std::optional<std::uint64_t> launch_batches;
   /// Of a build: as asked for; once there is a map, as used.
   std::optional<v1::BuildOptions> options;
   std::optional<v1::TreeStatistics> tree;  ///< that was built

@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/builder.h"
 #include "server/active_calls.h"
@@ -27,6 +28,8 @@
 #include "tbb/task_arena.h"
 
 namespace treelight::server {
+
+class Batch;
 
 /// What all calls share; each part guards itself.
 struct State {
@@ -82,8 +85,9 @@ struct State {
   // may go.
   tbb::task_arena cpu{std::max(1, tbb::info::default_concurrency() - 1),
                       /*reserved_for_masters=*/0};
-  DeviceQueue device_queue;  // its jobs use the rest
-  Worker lookups;            // what waits for `mirror`; last: its jobs ask for the device
+  std::vector<Batch*> going;  // together; of the device queue's thread
+  DeviceQueue device_queue;   // its jobs use the rest
+  Worker lookups;             // what waits for `mirror`; last: its jobs ask for the device
 };
 
 }  // namespace treelight::server
