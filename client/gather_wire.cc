@@ -100,8 +100,10 @@ v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
   request.set_outputs(options.outputs);
   request.set_kernel(ToWire(options.kernel));
   if (options.approximation.any()) {
-    request.mutable_approximation()->set_epsilon(options.approximation.epsilon);
-    request.mutable_approximation()->set_max_leaves(options.approximation.max_leaves);
+    v1::Approximation& approximation = *request.mutable_approximation();
+    approximation.set_epsilon(options.approximation.epsilon);
+    approximation.set_max_leaves(options.approximation.max_leaves);
+    approximation.set_weight_tolerance(options.approximation.weight_tolerance);
   }
   return request;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string_view>
 
 #include "absl/status/status.h"
 #include "fmt/format.h"
@@ -70,7 +71,7 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
   return absl::OkStatus();
 }
 
-absl::Status CheckApproximation(const GatherOptions& options) {
+absl::Status CheckApproximation(const GatherOptions& options, bool has_normals) {
   const Approximation& approximation = options.approximation;
   if (!(approximation.epsilon >= 0) || std::isinf(approximation.epsilon)) {
     return absl::InvalidArgumentError(fmt::format(
@@ -80,7 +81,23 @@ absl::Status CheckApproximation(const GatherOptions& options) {
     return absl::InvalidArgumentError(
         "outputs: ERROR_BOUND is for approximate answers; set a field of approximation");
   }
-  if (options.k > 0 || !approximation.any()) return absl::OkStatus();
+  if (!(approximation.weight_tolerance >= 0 && approximation.weight_tolerance <= 1)) {
+    return absl::InvalidArgumentError(
+        fmt::format("approximation.weight_tolerance is {}, it must be in [0, 1]",
+                    approximation.weight_tolerance));
+  }
+  if (approximation.weight_tolerance > 0) {
+    const auto refused = [&](std::string_view why) {
+      return absl::InvalidArgumentError(fmt::format("approximation.weight_tolerance is {}, but {}",
+                                                    approximation.weight_tolerance, why));
+    };
+    if (options.k > 0) return refused("k is not 0: it is for all photons within a radius");
+    if ((options.outputs & kOutputDensity) == 0) return refused("DENSITY is not among the outputs");
+    if (has_normals) return refused("there are normals, which judge photons one by one");
+  }
+  if (options.k > 0 || (approximation.epsilon == 0 && approximation.max_leaves == 0)) {
+    return absl::OkStatus();
+  }
   return absl::InvalidArgumentError(fmt::format(
       "approximation.{}, but k is 0: it is for the k nearest, give k > 0",
       approximation.epsilon > 0 ? fmt::format("epsilon is {}", approximation.epsilon)
@@ -121,7 +138,7 @@ absl::Status CheckGather(const Gatherer& map, const GatherQueries& queries,
   }
   for (const absl::Status& status :
        {CheckPositions(queries.positions), CheckRadii(queries, options), CheckNormals(map, queries),
-        CheckApproximation(options)}) {
+        CheckApproximation(options, !queries.normals.empty())}) {
     if (!status.ok()) return status;
   }
   const bool lists = (options.outputs & kOutputNeighbors) != 0;

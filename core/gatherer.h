@@ -35,9 +35,15 @@ struct Approximation {
   /// Leaves whose photons a query compares at most, where k > 0, the nearest first; leaves that
   /// hold few photons together may count as one (blocks of kBlockSize). 0: no limit.
   std::uint32_t max_leaves = 0;
+  /// Where k is 0, of densities without normals: a subtree that lies within the radius whole is
+  /// added up at once, by the moments of its powers, where that changes the weight of no photon by
+  /// more than this times the largest weight of the kernel. It changes none but of the cone, since
+  /// the other kernels are lines in the squared distance. Counts stay exact. [0, 1]. 0: photon by
+  /// photon.
+  float weight_tolerance = 0;
 
-  /// Whether an answer of the k nearest may differ from the exact one.
-  bool any() const { return epsilon > 0 || max_leaves > 0; }
+  /// Whether an answer may differ from the exact one.
+  bool any() const { return epsilon > 0 || max_leaves > 0 || weight_tolerance > 0; }
   /// (1 + epsilon)^2, rounded down: a box whose squared distance, times this, is above that of the
   /// k-th candidate need not be entered.
   float squared_stretch() const;
@@ -96,10 +102,11 @@ struct GatherResult {
   std::vector<std::uint32_t> distance_tests;  ///< [m] photons compared
   /// [m] where GatherOptions::approximation asks for one, with kOutputErrorBound and without; else
   /// empty: what is known of the error of
-  /// each query. Distances, of each rank, are at most 1 + bound times the true ones, as float32
-  /// computes them; 0: all distances, and how many there are, are exact, and of several photons at
-  /// the k-th distance any may be there; +inf: nothing is known, mostly since less than k were
-  /// found and there may be more.
+  /// each query. Where k is 0: no channel of the density is farther from the exact one, W / unit^2,
+  /// roundings apart. Else distances, of each rank, are at most 1 + bound times the true ones, as
+  /// float32 computes them; 0: all distances, and how many there are, are exact, and of several
+  /// photons at the k-th distance any may be there; +inf: nothing is known, mostly since less than
+  /// k were found and there may be more.
   std::vector<float> error_bounds;
   GatherTimes times;
 };

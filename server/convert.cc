@@ -160,7 +160,8 @@ absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const 
       .outputs = request.outputs(),
       .kernel = *kernel,
       .approximation = {.epsilon = request.approximation().epsilon(),
-                        .max_leaves = request.approximation().max_leaves()}};
+                        .max_leaves = request.approximation().max_leaves(),
+                        .weight_tolerance = request.approximation().weight_tolerance()}};
   AppendFromWire(request.positions(), batch.positions);
   AppendFromWire(request.normals(), batch.normals);
   AppendFromWire(request.radii(), batch.radii);

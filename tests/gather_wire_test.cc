@@ -56,11 +56,12 @@ v1::GatherResponse Part(std::uint32_t k, std::uint32_t first, std::uint32_t coun
 
 TEST(GatherWireTest, ARequestCarriesEveryOption) {
   const std::vector<float> positions = {1, 2, 3}, normals = {0, 0, 1}, radii = {0.5f};
-  const GatherOptions options{.k = 7,
-                              .radius = 2,
-                              .outputs = kOutputDensity,
-                              .kernel = DensityKernel::kCone,
-                              .approximation = {.epsilon = 0.5f, .max_leaves = 6}};
+  const GatherOptions options{
+      .k = 7,
+      .radius = 2,
+      .outputs = kOutputDensity,
+      .kernel = DensityKernel::kCone,
+      .approximation = {.epsilon = 0.5f, .max_leaves = 6, .weight_tolerance = 0.25f}};
   auto request =
       MakeGatherRequest({.name = "m", .version = 3}, 8,
                         {.positions = positions, .normals = normals, .radii = radii}, options);
@@ -76,6 +77,7 @@ TEST(GatherWireTest, ARequestCarriesEveryOption) {
   EXPECT_EQ(request.kernel(), v1::DENSITY_KERNEL_CONE);
   EXPECT_EQ(request.approximation().epsilon(), 0.5f);
   EXPECT_EQ(request.approximation().max_leaves(), 6u);
+  EXPECT_EQ(request.approximation().weight_tolerance(), 0.25f);
   EXPECT_FALSE(Request(/*k=*/1, 1).has_approximation());
   request = MakeGatherRequest({.name = "m"}, 8,
                               {.positions = positions, .normals = {}, .radii = {}}, options);

@@ -30,6 +30,12 @@ traverse.cl       @ s/fmax(q - low, high - q)/fmax(low - q, q - high)/ @ gathere
 gather_nearest.cl @ s/bits < limit ||/bits < limit \&\& false ||/ @ gatherer_test
 gather_nearest.cl @ s/ || (bits == limit \&\& \*min_id < (uint)worst)// @ gatherer_test
 gather_nearest.cl @ s/(uint)worst);$/0xffffffffu);/ @ gatherer_test
+gather_nearest.cl @ s/d2 \* squared_stretch/2 * d2 * squared_stretch/ @ approximate_nearest_test
+gather_nearest.cl @ s/if (--leaves_left == 0)/if (--leaves_left == 1)/ @ approximate_nearest_test
+gather_sums.cl    @ s/2 \* unit \* first/unit * first/ @ approximate_density_test
+gather_sums.cl    @ s/8 \* sum/9 * sum/ @ approximate_density_test
+../model/power_moments.cc @ s/square += other.square +/square +=/ @ approximate_density_test
+../cpu/simd/packed_search_impl.h @ s/near ^= left_out;/near \&= ~left_out << 1;/ @ approximate_nearest_test
 gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_test
 gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_test
 ../cpu/batch_gather.cc @ s/(1 + 1e-5)/(1 - 1e-2)/ @ packed_search_test

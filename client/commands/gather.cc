@@ -125,10 +125,12 @@ absl::Status Run(Options options, const GlobalOptions& global) {
              FormatMicroseconds(summary->kernel_us),
              static_cast<double>(points->size()) / summary->seconds);
   if (options.gather.approximation.any()) {
-    fmt::print(stderr,
-               "approximate: {} of {} queries may err; distances are at most {:.3g} times too "
-               "large\n",
-               summary->errors.inexact_count, points->size(), 1 + summary->errors.largest_bound);
+    const ErrorSummary& errors = summary->errors;
+    fmt::print(stderr, "approximate: {} of {} queries may err; {} at most {:.3g}\n",
+               errors.inexact_count, points->size(),
+               options.gather.k > 0 ? "distances are 1 + e times the true ones, e"
+                                    : "densities by W / unit^2",
+               errors.largest_bound);
   }
   return absl::OkStatus();
 }
@@ -174,6 +176,12 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
       ->add_option("--max-leaves", options->gather.approximation.max_leaves,
                    "Leaves of the tree that a search looks into at most; 0: no limit")
       ->capture_default_str();
+  command
+      ->add_option("--weight-tolerance", options->gather.approximation.weight_tolerance,
+                   "With --k 0: whole subtrees are added up at once where no weight changes by "
+                   "more than this part of the largest; 0: photon by photon")
+      ->capture_default_str()
+      ->check(NumberIn(0, 1));
   command->add_option("--output", options->output_path, "CSV file for the answers; - is stdout")
       ->capture_default_str();
   command->callback(

@@ -26,6 +26,7 @@ absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQu
     const float radius = options.k > 0 && found.size() == options.k
                              ? std::sqrt(found.back().squared_distance)
                              : answers[i].limit;
+    float error_bound = answers[i].error_bound;
     if (wants(kOutputCount)) result.counts.push_back(static_cast<std::uint32_t>(found.size()));
     if (wants(kOutputRadius)) result.radii.push_back(radius);
     if (wants(kOutputNeighbors)) {
@@ -43,14 +44,19 @@ absl::StatusOr<GatherResult> WriteAnswers(const Photons& photons, const GatherQu
     if (wants(kOutputDensity) && !photons.powers.empty()) {
       DensitySum sum(photons, queries.normals.empty() ? nullptr : &queries.normals[3 * i],
                      options.kernel, radius);
-      for (const auto& [d2, id] : found) sum.Add(d2, id);
+      const auto& summed = answers[i].summed;
+      for (const auto& [d2, id] : summed ? summed->apart : found) sum.Add(d2, id);
+      if (summed) {
+        sum.AddWhole(summed->sums);
+        error_bound = sum.PerArea(summed->error);
+      }
       sum.Write(&result.densities[3 * i]);
     }
     if (wants(kOutputStatistics)) {
       result.nodes_visited.push_back(answers[i].nodes_visited);
       result.distance_tests.push_back(answers[i].distance_tests);
     }
-    if (options.approximation.any()) result.error_bounds.push_back(answers[i].error_bound);
+    if (options.approximation.any()) result.error_bounds.push_back(error_bound);
   }
   return result;
 }

@@ -1,8 +1,10 @@
 #ifndef TREELIGHT_CORE_CPU_ANSWERS_H_
 #define TREELIGHT_CORE_CPU_ANSWERS_H_
 
+#include <array>
 #include <compare>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/gatherer.h"
@@ -17,13 +19,21 @@ struct Candidate {
                           const Candidate&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
+/// How a density adds up photons that are not looked at one by one.
+struct SummedPhotons {
+  std::array<double, 3> sums{};  ///< weight * power of whole subtrees
+  double error = 0;              ///< of each channel of them
+  std::vector<Candidate> apart;  ///< the photons beside them
+};
+
 /// What the search for one query found.
 struct QueryAnswer {
   float limit = 0;               ///< r of the query
   std::vector<Candidate> found;  ///< ascending
   std::uint32_t nodes_visited = 0;
   std::uint32_t distance_tests = 0;
-  float error_bound = 0;  ///< as GatherResult::error_bounds
+  float error_bound = 0;                  ///< as GatherResult::error_bounds, where k > 0
+  std::optional<SummedPhotons> summed{};  ///< of what was found, for a density
 };
 
 /// Makes of the answers what GatherOptions asks for. RESOURCE_EXHAUSTED as CheckNeighborCount.

@@ -5,10 +5,12 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "core/cpu/density.h"
 #include "core/cpu/radix_sort.h"
+#include "core/cpu/whole_sum.h"
 #include "core/model/morton.h"
 #include "tbb/parallel_for.h"
 
@@ -74,10 +76,11 @@ class NeighborBound {
 
 class Batch {
  public:
-  Batch(const PackedSearch& search, const Photons& photons, const GatherQueries& queries,
-        const GatherOptions& options, const CancelCheck& cancelled)
-      : search_(search),
-        photons_(photons),
+  Batch(const SearchedMap& map, const GatherQueries& queries, const GatherOptions& options,
+        const CancelCheck& cancelled)
+      : search_(map.search),
+        photons_(map.photons),
+        moments_(map.moments),
         queries_(queries),
         options_(options),
         cancelled_(cancelled),
@@ -214,13 +217,38 @@ class Batch {
           AddDensity(found, space, sum);
           count += found;
         };
-        take(search_.FindWithin(center, limit, space, take));
+        if (moments_.empty() || limit == 0) {
+          take(search_.FindWithin(center, limit, space, take));
+        } else {
+          double error = 0;
+          const auto take_whole = [&](const WholeSubtree& whole) {
+            const bool taken = AddWhole(whole, center, radius, sum, error);
+            if (taken) count += whole.count;
+            return taken;
+          };
+          take(search_.FindWithinBeside(center, limit, take_whole, space, take));
+          result_.error_bounds[query] = sum.PerArea(error);
+        }
         WriteDensity(query, sum);
       } else if (!result_.counts.empty()) {
         count = search_.CountWithin(center, limit);
       }
       Write(query, count, radius);
     }
+  }
+
+  /// Adds up a subtree by its moments, where that may be.
+  bool AddWhole(const WholeSubtree& whole, const Vec3& center, float radius, DensitySum& sum,
+                double& error) const {
+    const float squared_radius = radius * radius;
+    const auto weight =
+        Linearise(options_.kernel, whole.near / squared_radius, whole.far / squared_radius);
+    const float allowed = options_.approximation.weight_tolerance * PeakWeight(options_.kernel);
+    if (weight.error > allowed) return false;
+    const auto added = SumOf(moments_[whole.slot], whole.box, center, radius, weight);
+    sum.AddWhole({added.sums[0], added.sums[1], added.sums[2]});
+    error += added.error;
+    return true;
   }
 
   absl::Status PlaceLists() {
@@ -250,6 +278,7 @@ class Batch {
 
   const PackedSearch& search_;
   const Photons& photons_;
+  const std::span<const PowerMoments> moments_;
   const GatherQueries& queries_;
   const GatherOptions& options_;
   const CancelCheck& cancelled_;
@@ -260,11 +289,10 @@ class Batch {
 
 }  // namespace
 
-absl::StatusOr<GatherResult> GatherBatch(const PackedSearch& search, const Photons& photons,
-                                         const Box& bounds, const GatherQueries& queries,
+absl::StatusOr<GatherResult> GatherBatch(const SearchedMap& map, const GatherQueries& queries,
                                          const GatherOptions& options,
                                          const CancelCheck& cancelled) {
-  return Batch(search, photons, queries, options, cancelled).Run(bounds);
+  return Batch(map, queries, options, cancelled).Run(map.bounds);
 }
 
 }  // namespace treelight

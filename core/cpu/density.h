@@ -2,6 +2,7 @@
 #define TREELIGHT_CORE_CPU_DENSITY_H_
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -31,10 +32,19 @@ class DensitySum {
     for (int c = 0; c < 3; ++c) sum_[c] += weight * power[c];
   }
 
+  /// Adds photons that were added up: weight * power of each channel.
+  void AddWhole(const std::array<double, 3>& sums) {
+    for (std::size_t c = 0; c < 3; ++c) sum_[c] += sums[c];
+  }
+
+  /// W / unit^2 of a sum of weight * power.
+  float PerArea(double sum) const {
+    return is_empty_ ? 0 : static_cast<float>(sum / (std::numbers::pi * squared_radius_));
+  }
+
   /// Writes W / unit^2, RGB.
   void Write(float* density) const {
-    const double area = std::numbers::pi * squared_radius_;
-    for (int c = 0; c < 3; ++c) density[c] = is_empty_ ? 0 : static_cast<float>(sum_[c] / area);
+    for (int c = 0; c < 3; ++c) density[c] = PerArea(sum_[c]);
   }
 
  private:

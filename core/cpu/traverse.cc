@@ -124,9 +124,11 @@ class NearestSearch {
 
 class RangeSearch {
  public:
-  RangeSearch(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole)
-      : tree_(tree), center_(center), squared_radius_(radius * radius), whole_(whole) {
+  RangeSearch(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole,
+              const SumOptions* sums = nullptr)
+      : tree_(tree), center_(center), squared_radius_(radius * radius), whole_(whole), sums_(sums) {
     answer_.limit = radius;
+    if (sums != nullptr) answer_.summed.emplace();
   }
 
   QueryAnswer Run() {
@@ -149,12 +151,16 @@ class RangeSearch {
       const LeafPhoton* photons = &tree_.photons[child.link & ~kLeafBit];
       for (std::uint32_t i = 0; i < child.count; ++i) {
         const Candidate candidate = CandidateOf(center_, photons[i]);
-        if (candidate.squared_distance <= squared_radius_) answer_.found.push_back(candidate);
+        if (candidate.squared_distance > squared_radius_) continue;
+        answer_.found.push_back(candidate);
+        if (answer_.summed && !inside) answer_.summed->apart.push_back(candidate);
       }
       return;
     }
+    std::size_t slot = 2 * std::size_t{child.link};
     for (const TreeChild& below : ChildrenOf(tree_, child.link)) {
-      Visit(ChildOnTheWay(below, center_), inside || IsInside(below.box));
+      Visit(ChildOnTheWay(below, center_), inside || IsInside(below.box) || IsSummed(below, slot));
+      ++slot;
     }
   }
 
@@ -162,10 +168,26 @@ class RangeSearch {
     return whole_ == WholeSubtrees::kCounted && FarSquaredDistance(center_, box) <= squared_radius_;
   }
 
+  /// Adds up a subtree by its moments, where that may be.
+  bool IsSummed(const TreeChild& subtree, std::size_t slot) {
+    if (sums_ == nullptr) return false;
+    const float far = FarSquaredDistance(center_, subtree.box);
+    if (!(far <= squared_radius_) || squared_radius_ == 0) return false;
+    const auto weight =
+        Linearise(sums_->kernel, BoxSquaredDistance(center_, subtree.box) / squared_radius_,
+                  far / squared_radius_);
+    if (weight.error > sums_->weight_tolerance * PeakWeight(sums_->kernel)) return false;
+    const auto whole = SumOf(sums_->moments[slot], subtree.box, center_, answer_.limit, weight);
+    for (std::size_t c = 0; c < 3; ++c) answer_.summed->sums[c] += whole.sums[c];
+    answer_.summed->error += whole.error;
+    return true;
+  }
+
   const Tree& tree_;
   const Vec3 center_;
   const float squared_radius_;
   const WholeSubtrees whole_;
+  const SumOptions* const sums_;
   QueryAnswer answer_;
 };
 
@@ -178,6 +200,11 @@ QueryAnswer FindNearest(const Tree& tree, const Vec3& center, std::uint32_t k, f
 
 QueryAnswer FindWithin(const Tree& tree, const Vec3& center, float radius, WholeSubtrees whole) {
   return RangeSearch(tree, center, radius, whole).Run();
+}
+
+QueryAnswer SumWithin(const Tree& tree, const Vec3& center, float radius,
+                      const SumOptions& options) {
+  return RangeSearch(tree, center, radius, WholeSubtrees::kVisited, &options).Run();
 }
 
 }  // namespace treelight

@@ -2,9 +2,12 @@
 
 #include <atomic>
 #include <chrono>
+#include <mutex>
+#include <span>
 #include <utility>
 
 #include "core/cpu/batch_gather.h"
+#include "core/model/power_moments.h"
 #include "core/cpu/simd/packed_search.h"
 #include "core/cpu/traverse.h"
 #include "tbb/parallel_for.h"
@@ -32,7 +35,11 @@ class TreeGatherer : public Gatherer {
     if (const auto status = CheckGather(*this, queries, options); !status.ok()) return status;
     const auto start = std::chrono::steady_clock::now();
     auto result = (options.outputs & kOutputStatistics) == 0
-                      ? GatherBatch(*search_, photons_, Bounds(), queries, options, cancelled)
+                      ? GatherBatch({*search_, photons_, Bounds(),
+                                     options.approximation.weight_tolerance > 0 && has_powers()
+                                         ? std::span<const PowerMoments>(Moments())
+                                         : std::span<const PowerMoments>()},
+                                    queries, options, cancelled)
                       : GatherPlainly(queries, options, cancelled);
     if (!result.ok()) return result;
     const auto end = std::chrono::steady_clock::now();
@@ -57,6 +64,12 @@ class TreeGatherer : public Gatherer {
     return root.count == 0 ? Box{} : MakeBox(root.min, root.max);
   }
 
+  /// Computed by the first gather that adds up whole subtrees.
+  const std::vector<PowerMoments>& Moments() const {
+    std::call_once(moments_once_, [this] { moments_ = ComputeMoments(tree_, photons_.powers); });
+    return moments_;
+  }
+
   /// By the plain search, which counts what it visits.
   absl::StatusOr<GatherResult> GatherPlainly(const GatherQueries& queries,
                                              const GatherOptions& options,
@@ -77,6 +90,10 @@ class TreeGatherer : public Gatherer {
   }
 
   QueryAnswer Search(const Vec3& center, float radius, const GatherOptions& options) const {
+    if (options.approximation.weight_tolerance > 0 && has_powers()) {
+      return SumWithin(tree_, center, radius,
+                       {Moments(), options.kernel, options.approximation.weight_tolerance});
+    }
     if (options.k > 0) return FindNearest(tree_, center, options.k, radius, options.approximation);
     const bool density = has_powers() && (options.outputs & kOutputDensity) != 0;
     return FindWithin(tree_, center, radius,
@@ -87,6 +104,8 @@ class TreeGatherer : public Gatherer {
   const Tree tree_;
   BuildReport report_;
   const std::unique_ptr<PackedSearch> search_;
+  mutable std::once_flag moments_once_;
+  mutable std::vector<PowerMoments> moments_;
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <functional>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "core/device/guard.h"
@@ -12,6 +13,7 @@
 #include "core/gpu/morton.h"
 #include "core/gpu/paced_launches.h"
 #include "core/gpu/radix_sort.h"
+#include "core/model/power_moments.h"
 #include "fmt/format.h"
 
 namespace treelight {
@@ -102,6 +104,8 @@ class GpuGatherer : public Gatherer {
                   const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                    const CancelCheck& cancelled) const;
+  void GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                  const CancelCheck& cancelled) const;
   NeighborLists GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
                             const GatherOptions& options, const CancelCheck& cancelled) const;
 
@@ -121,6 +125,9 @@ class GpuGatherer : public Gatherer {
   std::size_t GatherGroupSize() const { return map_.gpu.device->is_cpu() ? 16 : 64; }
 
   DeviceMap map_;
+  /// Of the powers; computed by the first gather that adds up whole subtrees, which holds the
+  /// device's mutex.
+  mutable std::optional<Buffer<PowerMoments>> moments_;
 };
 
 absl::Status GpuGatherer::CheckFits(const GatherQueries& queries,
@@ -170,6 +177,9 @@ GatherParams GpuGatherer::MakeParams(const GatherQueries& queries,
   params.squared_stretch = options.approximation.squared_stretch();
   params.max_leaves =
       options.approximation.max_leaves > 0 ? options.approximation.max_leaves : CL_UINT_MAX;
+  constexpr float kPeakWeights[] = {1, 3, 2};  // of the density kernels
+  params.largest_weight_error =
+      options.approximation.weight_tolerance * kPeakWeights[params.density_kernel];
   return params;
 }
 
@@ -210,7 +220,11 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   result.radii = batch.radii.Read(queue);
   result.densities =
       map_.has_powers ? batch.densities.Read(queue) : std::vector<float>(batch.densities.size());
-  result.error_bounds = batch.error_bounds.Read(queue);
+  if (options.k > 0 || map_.has_powers) {
+    result.error_bounds = batch.error_bounds.Read(queue);
+  } else {
+    result.error_bounds.resize(batch.error_bounds.size());  // of no density
+  }
   result.nodes_visited = batch.visited.Read(queue);
   result.distance_tests = batch.tested.Read(queue);
   if (options.k > 0) {
@@ -283,6 +297,9 @@ void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std
 
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                               const CancelCheck& cancelled) const {
+  if (params.largest_weight_error > 0 && map_.has_powers) {
+    return GatherSums(batch, params, count, cancelled);
+  }
   const Gpu& gpu = map_.gpu;
   PacedLaunches(
       gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
@@ -293,6 +310,30 @@ void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, st
                batch.positions.get(), batch.order.get(), batch.radii_in.get(), batch.normals.get(),
                params, batch.counts.get(), batch.radii.get(), batch.densities.get(),
                batch.visited.get(), batch.tested.get());
+      });
+}
+
+void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                             const CancelCheck& cancelled) const {
+  const Gpu& gpu = map_.gpu;
+  const cl::Program program = gpu.device->Program({"traverse.cl", "gather_sums.cl"});
+  if (!moments_) {
+    const Tree tree{.root = map_.tree.root,
+                    .nodes = map_.tree.nodes.Read(gpu.queue()),
+                    .min_ids = map_.tree.min_ids.Read(gpu.queue()),
+                    .photons = map_.tree.photons.Read(gpu.queue())};
+    moments_ = MakeBuffer<PowerMoments>(gpu.memory(), gpu.queue(),
+                                        ComputeMoments(tree, map_.powers.Read(gpu.queue())));
+  }
+  PacedLaunches(
+      gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
+        params.first = static_cast<cl_uint>(first);
+        params.count = static_cast<cl_uint>(part);
+        Launch(gpu, program, "gather_sums", part, GatherGroupSize(), map_.tree.nodes.get(),
+               moments_->get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
+               batch.order.get(), batch.radii_in.get(), params, batch.counts.get(),
+               batch.radii.get(), batch.densities.get(), batch.visited.get(), batch.tested.get(),
+               batch.error_bounds.get());
       });
 }
 

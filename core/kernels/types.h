@@ -116,6 +116,14 @@ TREELIGHT_SHARED kKernelConstant = 0u;
 TREELIGHT_SHARED kKernelCone = 1u;
 TREELIGHT_SHARED kKernelEpanechnikov = 2u;
 
+/** Moments of the powers of some photons about the middle of their box, of each channel: sum of power,
+ * of power * offset (3), of power * offset^2; an offset is divided by the sum of the box's three
+ * sides. 64 bytes. */
+typedef struct PowerMoments {
+  float channels[3][5]; /**< W */
+  float absolute;       /**< sum of the magnitudes of the powers, of the channel where it is largest */
+} PowerMoments;
+
 /** Arguments of the gather kernels that are the same for all queries of a launch. */
 typedef struct GatherParams {
   Root root;
@@ -129,6 +137,7 @@ typedef struct GatherParams {
   uint has_normals;    /**< a normal for each query */
   float squared_stretch; /**< Approximation::squared_stretch */
   uint max_leaves;       /**< Approximation::max_leaves, or as many as there can be */
+  float largest_weight_error; /**< Approximation::weight_tolerance times the largest weight */
 } GatherParams;
 
 /** Measure of boxes, see core/model/heuristic.h. */
@@ -173,7 +182,8 @@ typedef struct TreeletParams {
 } TreeletParams;
 
 #ifndef __OPENCL_C_VERSION__
-static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16 && sizeof(WideBox) == 32);
+static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16 && sizeof(WideBox) == 32 &&
+              sizeof(PowerMoments) == 64);
 }  // namespace treelight
 #endif
 #undef TREELIGHT_SHARED

@@ -52,6 +52,14 @@ struct FoundNearest {
   float given_up = std::numeric_limits<float>::infinity();
 };
 
+/// A subtree that lies within the limit of a search whole.
+struct WholeSubtree {
+  std::uint32_t slot;  ///< which child of the tree it is: 2 * node + side
+  std::uint32_t count;
+  Box box;
+  float near, far;  ///< squared distances of the nearest place and the farthest corner of the box
+};
+
 /// Searches in a tree by the vector instructions of one kind of processor. Safe to call from
 /// several threads at once, each with its own space.
 class PackedSearch {
@@ -73,6 +81,13 @@ class PackedSearch {
   /// they are dropped; what is returned is the number of those left.
   virtual std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space,
                                    const std::function<void(std::uint32_t)>& take = {}) const = 0;
+
+  /// The same, without the photons of the whole subtrees that `take_whole` is called with and says
+  /// true to.
+  virtual std::uint32_t FindWithinBeside(const Vec3& center, float limit,
+                                         const std::function<bool(const WholeSubtree&)>& take_whole,
+                                         SearchSpace& space,
+                                         const std::function<void(std::uint32_t)>& take) const = 0;
 
   /// How many FindWithin finds. Whole subtrees within are counted without a look at their photons.
   virtual std::uint32_t CountWithin(const Vec3& center, float limit) const = 0;

@@ -266,25 +266,34 @@ class LaneSearch final : public PackedSearch {
 
   std::uint32_t FindWithin(const Vec3& center, float limit, SearchSpace& space,
                            const std::function<void(std::uint32_t)>& take) const override {
-    std::uint32_t count = 0;
-    const auto scan = [&](const View& tree, const Center<L>& from, std::uint32_t first,
-                          std::uint32_t photon_count) {
-      if (take && count >= kTakenCandidates) {
-        take(count);
-        count = 0;
-      }
-      space.Reserve(count + photon_count);
-      for (std::uint32_t i = 0; i < photon_count; i += L::kWidth) {
-        const auto d2 = from.ToPhotons(tree, first + i);
-        const auto mask = L::LessEqual(d2, L::All(limit)) & FirstLanes<L>(photon_count - i);
-        L::Compress(d2, mask, space.squared_distances() + count);
-        L::Compress(L::Load(tree.ids + first + i), mask, space.ids() + count);
-        count += BitCount(mask);
-      }
+    return Collect(
+        center, limit, [](const Node&, Mask) { return Mask{0}; }, space, take);
+  }
+
+  std::uint32_t FindWithinBeside(const Vec3& center, float limit,
+                                 const std::function<bool(const WholeSubtree&)>& take_whole,
+                                 SearchSpace& space,
+                                 const std::function<void(std::uint32_t)>& take) const override {
+    const Center<L> from(center);
+    const View tree = packed_.view();
+    const auto whole = [&](const Node& node, Mask near) {
+      const auto far_d2 = from.ToFarCorners(node);
+      Mask inside = near & L::LessEqual(far_d2, L::All(limit));
+      if (inside == 0) return inside;
+      alignas(64) float near_distances[L::kWidth], far_distances[L::kWidth];
+      L::Store(from.ToBoxes(node), near_distances);
+      L::Store(far_d2, far_distances);
+      const std::uint32_t* const slots = tree.slots + (&node - tree.nodes) * L::kWidth;
+      ForEachBit(inside, [&](std::uint32_t i) {
+        const Box box = {{node.min[0][i], node.min[1][i], node.min[2][i]},
+                         {node.max[0][i], node.max[1][i], node.max[2][i]}};
+        if (!take_whole({slots[i], node.counts[i], box, near_distances[i], far_distances[i]})) {
+          inside &= ~(Mask{1} << i);
+        }
+      });
+      return inside;
     };
-    WalkWithin(
-        center, limit, [](const Node&, Mask) { return Mask{0}; }, scan);
-    return count;
+    return Collect(center, limit, whole, space, take);
   }
 
   std::uint32_t CountWithin(const Vec3& center, float limit) const override {
@@ -392,6 +401,30 @@ class LaneSearch final : public PackedSearch {
       stack[place] = child;
     });
     return depth;
+  }
+
+  /// FindWithin without what `whole` takes, see WalkWithin.
+  template <typename Whole>
+  std::uint32_t Collect(const Vec3& center, float limit, const Whole& whole, SearchSpace& space,
+                        const std::function<void(std::uint32_t)>& take) const {
+    std::uint32_t count = 0;
+    const auto scan = [&](const View& tree, const Center<L>& from, std::uint32_t first,
+                          std::uint32_t photon_count) {
+      if (take && count >= kTakenCandidates) {
+        take(count);
+        count = 0;
+      }
+      space.Reserve(count + photon_count);
+      for (std::uint32_t i = 0; i < photon_count; i += L::kWidth) {
+        const auto d2 = from.ToPhotons(tree, first + i);
+        const auto mask = L::LessEqual(d2, L::All(limit)) & FirstLanes<L>(photon_count - i);
+        L::Compress(d2, mask, space.squared_distances() + count);
+        L::Compress(L::Load(tree.ids + first + i), mask, space.ids() + count);
+        count += BitCount(mask);
+      }
+    };
+    WalkWithin(center, limit, whole, scan);
+    return count;
   }
 
   /// Walks all that is within `limit` but for the children that `whole(node, near)` takes; of

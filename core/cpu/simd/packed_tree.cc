@@ -17,12 +17,14 @@ std::uint32_t FirstPhoton(const Tree& tree, std::uint32_t link) {
 template <std::uint32_t W>
 class Packer {
  public:
-  Packer(const Tree& tree, std::vector<PackedNode<W>>& nodes) : tree_(tree), nodes_(nodes) {}
+  Packer(const Tree& tree, std::vector<PackedNode<W>>& nodes, std::vector<std::uint32_t>& slots)
+      : tree_(tree), nodes_(nodes), slots_(slots) {}
 
   /// The link of what replaces `subtree`.
   std::uint32_t Pack(const TreeChild& subtree) {
     if (IsBlock(subtree)) return kLeafBit | FirstPhoton(tree_, subtree.link);
     TreeChild children[W] = {subtree};
+    std::uint32_t slots[W] = {};
     std::uint32_t child_count = 1;
     while (child_count < W) {
       TreeChild* widest = nullptr;
@@ -30,12 +32,16 @@ class Packer {
         if (!IsBlock(*child) && (widest == nullptr || IsWider(*child, *widest))) widest = child;
       }
       if (widest == nullptr) break;
-      const auto [left, right] = ChildrenOf(tree_, widest->link);
+      const std::uint32_t link = widest->link;
+      const auto [left, right] = ChildrenOf(tree_, link);
       *widest = left;
+      slots[widest - children] = 2 * link;
+      slots[child_count] = 2 * link + 1;
       children[child_count++] = right;
     }
     const auto index = static_cast<std::uint32_t>(nodes_.size());
     nodes_.emplace_back();
+    slots_.insert(slots_.end(), slots, slots + W);
     std::uint32_t links[W];
     for (std::uint32_t i = 0; i < child_count; ++i) links[i] = Pack(children[i]);
     Store(children, links, child_count, nodes_[index]);
@@ -66,6 +72,7 @@ class Packer {
 
   const Tree& tree_;
   std::vector<PackedNode<W>>& nodes_;
+  std::vector<std::uint32_t>& slots_;
 };
 
 }  // namespace
@@ -85,7 +92,7 @@ PackedTree<W>::PackedTree(const Tree& tree) : count_(tree.root.count) {
     ids_[i] = photon.id;
   });
   if (count_ == 0) return;
-  root_ = Packer<W>(tree, nodes_)
+  root_ = Packer<W>(tree, nodes_, slots_)
               .Pack({.box = {}, .link = tree.root.link, .count = count_, .min_id = 0});
 }
 

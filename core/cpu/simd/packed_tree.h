@@ -29,6 +29,8 @@ struct PackedView {
   /// [n + W] photons in leaf order, and zeros, so that the last vector may be read whole.
   const float *x = nullptr, *y = nullptr, *z = nullptr;
   const std::uint32_t* ids = nullptr;
+  const std::uint32_t* slots =
+      nullptr;              ///< [W * nodes] which child of the tree each was: 2 * node + side
   std::uint32_t root = 0;   ///< a link
   std::uint32_t count = 0;  ///< photons
 };
@@ -42,16 +44,19 @@ class PackedTree {
   explicit PackedTree(const Tree& tree);
 
   PackedView<W> view() const {
-    return {nodes_.data(), x_.data(), y_.data(), z_.data(), ids_.data(), root_, count_};
+    return {nodes_.data(), x_.data(),     y_.data(), z_.data(),
+            ids_.data(),   slots_.data(), root_,     count_};
   }
   std::size_t bytes() const {
-    return nodes_.size() * sizeof(PackedNode<W>) + x_.size() * (3 * sizeof(float) + 4);
+    return nodes_.size() * (sizeof(PackedNode<W>) + W * sizeof(std::uint32_t)) +
+           x_.size() * (3 * sizeof(float) + 4);
   }
 
  private:
   std::vector<PackedNode<W>> nodes_;
   std::vector<float> x_, y_, z_;
   std::vector<std::uint32_t> ids_;
+  std::vector<std::uint32_t> slots_;  // which child of the tree each was: 2 * node + side
   std::uint32_t root_ = 0, count_ = 0;
 };
 
