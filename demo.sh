@@ -25,7 +25,7 @@ stop() {
 }
 trap stop EXIT
 address=
-for _ in $(seq 1800); do  # a first start compiles the kernels
+for _ in $(seq 1800); do  # on a GPU a first start compiles the kernels
   address=$(sed -nE 's/.*listening on ([^ ]+:[0-9]+).*/\1/p' "$log" | head -n 1)
   [ -n "$address" ] && break
   kill -0 "$server" 2>/dev/null || { cat "$log" >&2; exit 1; }

@@ -42,8 +42,9 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_NAME treelight)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SHLIBDEPS ON)
-# The loader wants a driver, any one; the CPU is used without.
-set(CPACK_DEBIAN_TREELIGHT_PACKAGE_DEPENDS "init-system-helpers (>= 1.52), passwd, pocl-opencl-icd | opencl-icd")
+set(CPACK_DEBIAN_TREELIGHT_PACKAGE_DEPENDS "init-system-helpers (>= 1.52), passwd")
+# A GPU wants its driver; the CPU is used without one, so that nobody is given PoCL and its compiler unasked.
+set(CPACK_DEBIAN_TREELIGHT_PACKAGE_SUGGESTS "opencl-icd")
 set(CPACK_DEBIAN_TREELIGHT_PACKAGE_CONTROL_EXTRA
   "${debian}/conffiles;${debian}/postinst;${debian}/prerm;${debian}/postrm")
 set(CPACK_COMPONENT_TREELIGHT_DESCRIPTION "photon map service with k-d trees on GPUs and CPUs

@@ -25,9 +25,11 @@ done
 
 root=$folder/treelight
 depends=$(dpkg-deb -f "$folder/packages"/treelight_*.deb Depends)
-for dependency in 'pocl-opencl-icd | opencl-icd' libgrpc++ libembree3 libc6; do
+for dependency in libgrpc++ libembree3 ocl-icd-libopencl1 libc6; do
   [[ $depends == *"$dependency"* ]] || fail "treelight does not depend on $dependency"
 done
+[[ $depends != *opencl-icd* ]] || fail 'treelight depends on a driver, which the CPU does not need'
+[ "$(dpkg-deb -f "$folder/packages"/treelight_*.deb Suggests)" = opencl-icd ] || fail 'treelight suggests no driver'
 for program in treelightd treelight; do
   "$root/usr/bin/$program" --version
   if command -v help2man >/dev/null; then
