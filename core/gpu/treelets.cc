@@ -12,8 +12,8 @@
 namespace treelight {
 namespace {
 
-// Work-items that bring leaves up and work on one treelet: the group of treelet_round.cl.
-constexpr std::size_t kTreeletGroupSize = 32;
+// Of treelet_round.cl: work-items of a group, leaves that each brings up, treelets at once.
+constexpr std::size_t kTreeletGroupSize = 32, kLeavesPerItem = 4, kTeams = 4;
 
 /// SEARCH of treelet.cl.
 int SearchNumber(TreeletMethod method) {
@@ -53,11 +53,12 @@ PlacedPhotons RestructureTreelets(const Gpu& gpu, const DeviceTree& tree, const 
                                   const TreeletOptions& options, const CancelCheck& cancelled) {
   const std::size_t count = tree.photons.size();
   if (leaves.leaf_count == 1) return {tree.photons, leaves, std::move(levels)};
-  const cl::Program program =
-      gpu.device->Program({"meeting.cl", "measure.cl", "treelet.cl", "treelet_search.cl",
-                           "treelet_round.cl", "arrange.cl"},
-                          fmt::format("-DTREELET_SIZE={} -DSEARCH={}", options.treelet_size,
-                                      SearchNumber(options.method)));
+  const cl::Program program = gpu.device->Program(
+      {"meeting.cl", "measure.cl", "treelet.cl", "treelet_search.cl", "treelet_round.cl",
+       "arrange.cl"},
+      fmt::format("-DTREELET_SIZE={} -DSEARCH={} -DGROUP_SIZE={} -DLEAVES_PER_ITEM={} -DTEAMS={}",
+                  options.treelet_size, SearchNumber(options.method), kTreeletGroupSize,
+                  kLeavesPerItem, kTeams));
   const auto leaf_count = static_cast<cl_uint>(leaves.leaf_count);
   const cl_uint node_count = leaf_count - 1;
   const Buffer<NodeCosts> costs(gpu.memory(), node_count);
@@ -82,9 +83,9 @@ PlacedPhotons RestructureTreelets(const Gpu& gpu, const DeviceTree& tree, const 
   std::copy(list.ends.begin(), list.ends.end(), params.subset_ends);
   for (; params.round < options.rounds; ++params.round) {
     ThrowIfCancelled(cancelled);
-    Launch(gpu, program, "restructure_treelets", leaf_count, kTreeletGroupSize, leaves.firsts.get(),
-           tree.nodes.get(), costs.get(), parents.get(), leaf_parents.get(), meetings.get(),
-           root_height.get(), subsets.get(), params);
+    Launch(gpu, program, "restructure_treelets", (leaf_count + kLeavesPerItem - 1) / kLeavesPerItem,
+           kTreeletGroupSize, leaves.firsts.get(), tree.nodes.get(), costs.get(), parents.get(),
+           leaf_parents.get(), meetings.get(), root_height.get(), subsets.get(), params);
   }
 
   Buffer<LeafPhoton> photons(gpu.memory(), count);

@@ -10,6 +10,18 @@
 #define SUBSETS (1 << SIZE)
 #define NONE 0xffffffffu
 
+#if SEARCH != AGGLOMERATIVE
+// Sets of leaves are told by their low and their high bits.
+#define LOW_BITS ((SIZE + 1) / 2)
+#define HIGH_BITS (SIZE - LOW_BITS)
+
+// Box and photons of a set of leaves.
+typedef struct SubsetExtent {
+  float low[3], high[3];
+  uint count;
+} SubsetExtent;
+#endif
+
 typedef struct Treelet {
   // Its parts: leaves, then from SIZE on the nodes, the root first and parents before children.
   float lows[3][2 * SIZE], highs[3][2 * SIZE];
@@ -25,17 +37,19 @@ typedef struct Treelet {
   // While it grows: what each leaf hangs on, 2 * node + side, and how much it asks to be divided.
   uchar owners[SIZE];
   float priorities[SIZE];
-  uint raw[22];  // a Node and its NodeCosts
-  uint next;     // leaf that is divided next, or NONE
+  // What its root costs and how high it is, as it was and then as it is.
+  float cost;
+  uint height;
+  uint improved;
 #if SEARCH != AGGLOMERATIVE
   float subset_costs[SUBSETS];
   ushort subset_lefts[SUBSETS];  // 0: there is no cut
+  SubsetExtent low_extents[1 << LOW_BITS], high_extents[1 << HIGH_BITS];
 #endif
 #if SEARCH == KD_TREE
-  uchar orders[3][SIZE];    // leaves on each axis
-  ushort befores[3][SIZE];  // leaves before each place of the order
-  ushort touches[3][SIZE];  // leaves that end where the leaf at the place begins, or before
-  ushort belows[3][SIZE];   // leaves that end before it
+  // Cuts before the leaf at each place of the order on each axis, three sets of leaves, SIZE bits
+  // each: those before it, of them those that do not end below it, and those that reach over it.
+  uint cuts[3][SIZE];
 #endif
 } Treelet;
 
@@ -82,51 +96,47 @@ void set_part_box(local Treelet* treelet, const uint part, const float3 low, con
   treelet->highs[2][part] = high.z;
 }
 
-// Copies the node of the leaf that is divided next; it becomes number `node` of the treelet.
-void load_node(local Treelet* treelet, const uint node, global const Node* nodes,
-               global const NodeCosts* costs) {
-  const uint item = get_local_id(0);
-  const uint index = treelet->nodes[node];
-  if (item < 16) treelet->raw[item] = ((global const uint*)(nodes + index))[item];
-  if (item >= 16 && item < 22) treelet->raw[item] = ((global const uint*)(costs + index))[item - 16];
+// The leaf of `leaf_count` that is divided next, NONE where none can be.
+uint choose_leaf(local const Treelet* treelet, const uint leaf_count) {
+  float priority = -1;
+  uint next = NONE;
+  for (uint i = 0; i < leaf_count; ++i) {
+    if (treelet->priorities[i] <= priority) continue;
+    priority = treelet->priorities[i];
+    next = i;
+  }
+  return next;
 }
 
-// Makes its child on `side` a leaf, in the place of the one that is divided or behind all others.
-void take_leaf(local Treelet* treelet, const uint side, const uint node,
+// Divides the leaf `next`, which is the node `index` of the tree and becomes number `node` of the
+// treelet: makes its child on `side` a leaf, in its place or behind all others.
+void take_leaf(local Treelet* treelet, const uint side, const uint node, const uint next,
+               const uint index, global const Node* nodes, global const NodeCosts* costs,
                const TreeletParams params) {
-  const uint leaf = side == 0 ? treelet->next : treelet->leaf_count;
-  if (side == 0 && node > 0) {
-    const uint owner = treelet->owners[leaf];
-    treelet->children[owner % 2][owner / 2] = (uchar)(SIZE + node);
+  const uint leaf = side == 0 ? next : node + 1;
+  if (side == 0) {
+    treelet->nodes[node] = index;
+    if (node > 0) {
+      const uint owner = treelet->owners[leaf];
+      treelet->children[owner % 2][owner / 2] = (uchar)(SIZE + node);
+    }
   }
-  local const uint* raw = treelet->raw;
-  const float3 low = as_float3((uint3)(raw[6 * side], raw[6 * side + 1], raw[6 * side + 2]));
-  const float3 high = as_float3((uint3)(raw[6 * side + 3], raw[6 * side + 4], raw[6 * side + 5]));
+  global const Node* from = nodes + index;
+  const bool right = side != 0;
+  const float3 low = right ? vload3(0, from->right_min) : vload3(0, from->left_min);
+  const float3 high = right ? vload3(0, from->right_max) : vload3(0, from->left_max);
+  const uint link = right ? from->right : from->left;
+  const uint count = right ? from->right_count : from->left_count;
   set_part_box(treelet, leaf, low, high);
-  const uint link = raw[12 + side], count = raw[14 + side];
   treelet->links[leaf] = link;
   treelet->counts[leaf] = count;
-  treelet->costs[leaf] = as_float(raw[16 + side]);
-  treelet->leaf_counts[leaf] = raw[18 + side];
-  treelet->heights[leaf] = raw[20 + side];
+  treelet->costs[leaf] = costs[index].costs[side];
+  treelet->leaf_counts[leaf] = costs[index].leaf_counts[side];
+  treelet->heights[leaf] = costs[index].heights[side];
   treelet->owners[leaf] = (uchar)(2 * node + side);
   treelet->priorities[leaf] = (link & kLeafBit) != 0  ? -1.0f
                               : params.round % 2 == 0 ? measure(low, high, params.measure)
                                                       : (float)count;
-}
-
-// Chooses the leaf that is divided next, if any; `node` is the last that was divided.
-void choose_leaf(local Treelet* treelet, const uint node) {
-  const uint leaf_count = ++treelet->leaf_count;
-  treelet->next = NONE;
-  if (leaf_count == SIZE) return;
-  float priority = -1;
-  for (uint i = 0; i < leaf_count; ++i) {
-    if (treelet->priorities[i] <= priority) continue;
-    priority = treelet->priorities[i];
-    treelet->next = i;
-    treelet->nodes[node + 1] = treelet->links[i];
-  }
 }
 
 // Computes what is known of the nodes from their children, for one work-item.

@@ -1,13 +1,13 @@
 // One round of treelet restructuring: bottom-up from the leaves of a tree, the second of two siblings
-// to come carries on. A work-group of 32 brings 32 leaves up; where one of its work-items comes to
-// the root of a treelet, all work on it. Uses meeting.cl, measure.cl, treelet.cl and
-// treelet_search.cl.
+// to come carries on. A work-group brings its leaves up to the roots of treelets. It works on up to
+// TEAMS of them at once, each by a team of its work-items, the larger the fewer roots wait. Uses
+// meeting.cl, measure.cl, treelet.cl and treelet_search.cl.
+// -DGROUP_SIZE, -DLEAVES_PER_ITEM, -DTEAMS
 
-// Writes the nodes of the treelet back.
-void store(local const Treelet* treelet, global Node* nodes, global NodeCosts* costs,
-           global uint* parents, global uint* leaf_parents, const TreeletParams params) {
-  const uint node = get_local_id(0);
-  if (node + 1 >= treelet->leaf_count) return;
+// Writes a node of the treelet back.
+void store(local const Treelet* treelet, const uint node, global Node* nodes,
+           global NodeCosts* costs, global uint* parents, global uint* leaf_parents,
+           const TreeletParams params) {
   const uint index = treelet->nodes[node];
   Node out;
   NodeCosts out_costs;
@@ -93,11 +93,9 @@ uint depth_of(const uint node, global const uint* parents) {
 
 // What the work-group does between two barriers.
 enum {
-  kElect,   // the first item chooses whose treelet is next
-  kBegin,   // it is the root alone
-  kGrow,    // a node is loaded, or there are enough leaves
+  kElect,   // each team gets a root that waits
+  kChoose,  // each chooses the leaf of its treelet that is divided next
   kDivide,  // its children become leaves
-  kChoose,  // the next one is chosen
   kSearch,  // the treelet is measured as it is, the search begins
   kSolve,   // subsets of one size are solved
   kPlan,    // what was found is compared
@@ -105,7 +103,8 @@ enum {
   kClimb    // who came to the treelet goes on
 };
 
-/// One round over the whole tree. One work-item per leaf, 1D range, work-groups of 32.
+/// One round over the whole tree. One work-item per LEAVES_PER_ITEM leaves, 1D range, work-groups of
+/// GROUP_SIZE.
 /// @param firsts        [leaf_count + 1] first photon of each leaf, then n
 /// @param nodes         [leaf_count - 1] in/out
 /// @param costs         [leaf_count - 1] out
@@ -119,19 +118,18 @@ kernel void restructure_treelets(global const uint* restrict firsts, global Node
                                  global uint* leaf_parents, volatile global Meeting* meetings,
                                  global uint* root_height, global const ushort* restrict subsets,
                                  const TreeletParams params) {
-  local Treelet treelet;
-  local uint roots[32];
-  local uint chosen;
-  local float old_cost;
-  local uint improved;
+  local Treelet treelets[TEAMS];
+  local uint waiting[GROUP_SIZE * LEAVES_PER_ITEM];  // roots of treelets
+  local uint waiting_count;
   const uint item = get_local_id(0);
+  if (item == 0) waiting_count = 0;
+  barrier(CLK_LOCAL_MEM_FENCE);
 
-  Climber climber = {kNoSlot, 1, 0, 0};
-  roots[item] = NONE;
-  if (get_global_id(0) < params.leaf_count) {
-    const uint first = firsts[get_global_id(0)];
-    const uint count = firsts[get_global_id(0) + 1] - first;
-    climber.slot = leaf_parents[first];
+  for (uint i = 0; i < LEAVES_PER_ITEM; ++i) {
+    const uint leaf = (get_group_id(0) * LEAVES_PER_ITEM + i) * GROUP_SIZE + item;
+    if (leaf >= params.leaf_count) break;
+    const uint first = firsts[leaf], count = firsts[leaf + 1] - first;
+    Climber climber = {leaf_parents[first], 1, 0, 0};
     if (may_merge(count, params)) {
       global const Node* node = nodes + climber.slot / 2;
       const bool is_right = climber.slot % 2 != 0;
@@ -139,92 +137,106 @@ kernel void restructure_treelets(global const uint* restrict firsts, global Node
       const float3 high = is_right ? vload3(0, node->right_max) : vload3(0, node->left_max);
       climber.cost = leaf_cost(measure(low, high, params.measure), count);
     }
-    roots[item] = climb(&climber, meetings, nodes, costs, parents, root_height, params);
-    GROUP_FENCE();
+    const uint root = climb(&climber, meetings, nodes, costs, parents, root_height, params);
+    if (root != NONE) waiting[atomic_inc(&waiting_count)] = root;
   }
+  GROUP_FENCE();
 
   // All steps share one barrier: PoCL 3.1 miscompiles loops with barriers within such loops.
-  uint step = kElect, node = 0, size = 0;
+  uint step = kElect, size = 0;
+  uint count = 0, team_count = 1, lane = 0, lane_count = GROUP_SIZE;  // of roots, items of a team
+  uint node = 0, leaf_count = 0, next = 0, index = 0;  // while the treelet of the team grows
+  bool active = false;
+  local Treelet* treelet = treelets;
   while (true) {
     // What the items did in the step before is seen by all; of global memory see GROUP_FENCE.
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (step == kBegin && chosen == 32) break;
+    if (step == kElect && waiting_count == 0) break;
     switch (step) {
       case kElect:
-        if (item == 0) {
-          uint i = 0;
-          while (i < 32 && roots[i] == NONE) ++i;
-          chosen = i;
-        }
-        step = kBegin;
-        break;
-      case kBegin:
         GROUP_FENCE();
-        if (item == 0) {
-          treelet.leaf_count = 1;
-          treelet.nodes[0] = roots[chosen];
-          treelet.next = 0;
-        }
+        count = waiting_count;
+        team_count = 1;
+        while (team_count < TEAMS && team_count < count) team_count *= 2;
+        lane_count = GROUP_SIZE / team_count;
+        lane = item % lane_count;
+        treelet = &treelets[item / lane_count];
+        active = item / lane_count < count;
+        if (active) index = waiting[count - 1 - item / lane_count];
         node = 0;
-        step = kGrow;
-        break;
-      case kGrow:
-        if (treelet.next != NONE) {
-          load_node(&treelet, node, nodes, costs);
-          step = kDivide;
-        } else {
-          if (item < treelet.leaf_count)
-            treelet.children[treelet.owners[item] % 2][treelet.owners[item] / 2] = (uchar)item;
-          step = kSearch;
-        }
-        break;
-      case kDivide:
-        if (item < 2) take_leaf(&treelet, item, node, params);
-        step = kChoose;
+        leaf_count = 1;
+        next = 0;
+        step = kDivide;
         break;
       case kChoose:
-        if (item == 0) choose_leaf(&treelet, node);
+        if (active && next != NONE) {
+          next = choose_leaf(treelet, leaf_count);
+          if (next != NONE) index = treelet->links[next];
+        }
+        step = kDivide;
+        break;
+      case kDivide:
+        if (item == 0 && node == 0) waiting_count = count - min(count, team_count);
+        if (active && next != NONE) {
+          if (lane < 2) take_leaf(treelet, lane, node, next, index, nodes, costs, params);
+          ++leaf_count;
+        }
         ++node;
-        step = kGrow;
+        step = node + 1 < SIZE ? kChoose : kSearch;
         break;
       case kSearch:
-        if (item == 0) {
-          assemble(&treelet, params);
-          old_cost = treelet.costs[SIZE];
+        if (active) {
+          for (uint leaf = lane; leaf < leaf_count; leaf += lane_count) {
+            const uint owner = treelet->owners[leaf];
+            treelet->children[owner % 2][owner / 2] = (uchar)leaf;
+          }
+          if (lane == 0) treelet->leaf_count = leaf_count;
+          begin_search(treelet, leaf_count, lane, lane_count);
         }
-        begin_search(&treelet);
         size = 2;
-        step = kSolve;
+        step = SEARCH == AGGLOMERATIVE ? kPlan : kSolve;
         break;
       case kSolve:
-        solve_size(&treelet, size, subsets, params);
-        step = size == treelet.leaf_count ? kPlan : kSolve;
+        if (active)
+          solve_size(treelet, leaf_count, size, subsets, lane, lane_count, params);
+        step = size == SIZE ? kPlan : kSolve;
         ++size;
         break;
       case kPlan:
-        if (item == 0) {
-          end_search(&treelet, params);
-          assemble(&treelet, params);
-          const uint height = treelet.heights[SIZE] & ~kMergedBit;
+        if (active && lane == 0) {
+          assemble(treelet, params);
+          treelet->cost = treelet->costs[SIZE];
+          treelet->height = treelet->heights[SIZE];
+          end_search(treelet, params);
+          assemble(treelet, params);
+          const uint height = treelet->heights[SIZE] & ~kMergedBit;
           const bool fits = height + (*root_height & ~kMergedBit) <= kMaxDepth ||
-                            height + depth_of(treelet.nodes[0], parents) <= kMaxDepth;
-          improved = fits && treelet.costs[SIZE] < old_cost * params.keep ? 1 : 0;
+                            height + depth_of(treelet->nodes[0], parents) <= kMaxDepth;
+          treelet->improved =
+              fits && treelet->costs[SIZE] < treelet->cost * params.keep ? 1 : 0;
+          if (treelet->improved != 0) {
+            treelet->cost = treelet->costs[SIZE];
+            treelet->height = treelet->heights[SIZE];
+          }
         }
         step = kStore;
         break;
       case kStore:
-        if (improved != 0) store(&treelet, nodes, costs, parents, leaf_parents, params);
+        if (active && treelet->improved != 0) {
+          for (uint i = lane; i + 1 < leaf_count; i += lane_count)
+            store(treelet, i, nodes, costs, parents, leaf_parents, params);
+        }
         GROUP_FENCE();
         step = kClimb;
         break;
       case kClimb:
-        if (item == chosen) {
+        if (active && lane == 0) {
           GROUP_FENCE();
-          if (improved != 0) {
-            climber.height = treelet.heights[SIZE];
-            climber.cost = may_merge(treelet.counts[SIZE], params) ? treelet.costs[SIZE] : 0.0f;
-          }
-          roots[item] = climb(&climber, meetings, nodes, costs, parents, root_height, params);
+          const uint root = treelet->nodes[0];
+          Climber climber = {parents[root], treelet->leaf_counts[SIZE], treelet->height,
+                             may_merge(treelet->counts[SIZE], params) ? treelet->cost : 0.0f};
+          const uint above = climb(&climber, meetings, nodes, costs, parents, root_height, params);
+          if (above != NONE) waiting[atomic_inc(&waiting_count)] = above;
           GROUP_FENCE();
         }
         step = kElect;

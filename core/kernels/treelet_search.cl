@@ -3,35 +3,66 @@
 #if SEARCH != AGGLOMERATIVE
 
 #if SEARCH == KD_TREE
-// The part of a subset that goes left at the best of its cuts, and what the parts cost. A cut is
-// possible where `separates` holds all leaves before it.
-uint best_cut(local const Treelet* treelet, const uint subset,
-              local const ushort separates[3][SIZE], float* best) {
-  uint best_left = 0;
-  *best = INFINITY;
-  for (uint axis = 0; axis < 3; ++axis) {
-    for (uint i = 1; i < treelet->leaf_count; ++i) {
-      if ((subset >> treelet->orders[axis][i] & 1) == 0) continue;
-      const uint left = subset & treelet->befores[axis][i];
-      if (left == 0 || (left & ~separates[axis][i]) != 0) continue;
-      const float parts = treelet->subset_costs[left] + treelet->subset_costs[subset ^ left];
-      if (parts < *best) {
-        *best = parts;
-        best_left = left;
-      }
+#define ALL_LEAVES (SUBSETS - 1)
+#define CUTS (3 * (SIZE - 1))
+
+// The part of a subset that goes left at the best of its cuts, and what the parts cost. Parts that
+// touch are the last resort. Where the leaf at a cut is not of the subset, the cut is that before
+// its next leaf, or crosses a leaf though that one does not.
+uint best_partition(local const Treelet* treelet, const uint subset, const uint* cuts,
+                    float* best) {
+  const uint members = subset | subset << SIZE | subset << 2 * SIZE;
+  float apart = INFINITY, touching = INFINITY;
+  uint apart_left = 0, touching_left = 0;
+#pragma unroll
+  for (uint i = 0; i < CUTS; ++i) {
+    const uint cut = cuts[i] & members, left = cut & ALL_LEAVES;
+    // A part without leaves costs infinitely much.
+    const float parts = treelet->subset_costs[left] + treelet->subset_costs[subset ^ left];
+    if (cut <= ALL_LEAVES && parts < apart) {
+      apart = parts;
+      apart_left = left;
+    }
+    if (cut < 1u << 2 * SIZE && parts < touching) {
+      touching = parts;
+      touching_left = left;
     }
   }
-  return best_left;
+  const bool is_apart = apart < INFINITY;
+  *best = is_apart ? apart : touching;
+  return is_apart ? apart_left : touching_left;
 }
-#endif
+
+// Lists the cuts: leaves are ordered on each axis by (minimum, maximum, index).
+void list_cuts(local Treelet* treelet, const uint leaf_count, const uint lane,
+               const uint lane_count) {
+  for (uint task = lane; task < 3 * SIZE; task += lane_count) {
+    const uint axis = task / SIZE, leaf = task % SIZE;
+    if (leaf >= leaf_count) {
+      treelet->cuts[axis][leaf] = 0;
+      continue;
+    }
+    const float low = treelet->lows[axis][leaf], high = treelet->highs[axis][leaf];
+    uint place = 0, before = 0, not_below = 0, over = 0;
+    for (uint i = 0; i < leaf_count; ++i) {
+      const float other_low = treelet->lows[axis][i], other_high = treelet->highs[axis][i];
+      const bool is_before = other_low < low || (other_low == low && (other_high < high ||
+                                                                      (other_high == high && i < leaf)));
+      if (!is_before) continue;
+      ++place;
+      before |= 1u << i;
+      not_below |= (other_high < low ? 0u : 1u) << i;
+      over |= (other_high <= low ? 0u : 1u) << i;
+    }
+    treelet->cuts[axis][place] = before | not_below << SIZE | over << 2 * SIZE;
+  }
+}
+#else
+#define CUTS 1
 
 // The part of a subset that goes left in the cheapest of its partitions, and what the parts cost.
-uint best_partition(local const Treelet* treelet, const uint subset, float* best) {
-#if SEARCH == KD_TREE
-  // Parts that touch are the last resort.
-  const uint apart = best_cut(treelet, subset, treelet->belows, best);
-  return *best < INFINITY ? apart : best_cut(treelet, subset, treelet->touches, best);
-#else
+uint best_partition(local const Treelet* treelet, const uint subset, const uint* cuts,
+                    float* best) {
   uint best_left = 0;
   *best = INFINITY;
   // All partitions once: `right` goes through the parts without the lowest leaf.
@@ -44,67 +75,69 @@ uint best_partition(local const Treelet* treelet, const uint subset, float* best
     }
   }
   return best_left;
-#endif
 }
+#endif
 
-void solve_subset(local Treelet* treelet, const uint subset, const TreeletParams params) {
+// Unites leaves from `first` on, a bit for each in `subset`.
+void set_extent(local const Treelet* treelet, const uint first, const uint subset,
+                local SubsetExtent* extent) {
   float3 low = INFINITY, high = -INFINITY;
   uint count = 0;
   for (uint rest = subset; rest != 0; rest &= rest - 1) {
-    const uint leaf = 31 - clz(rest & -rest);
+    const uint leaf = first + 31 - clz(rest & -rest);
     low = fmin(low, part_low(treelet, leaf));
     high = fmax(high, part_high(treelet, leaf));
     count += treelet->counts[leaf];
   }
-  float parts;
-  bool merged;
-  treelet->subset_lefts[subset] = (ushort)best_partition(treelet, subset, &parts);
-  treelet->subset_costs[subset] =
-      node_cost(measure(low, high, params.measure), count, parts, params, &merged);
+  vstore3(low, 0, extent->low);
+  vstore3(high, 0, extent->high);
+  extent->count = count;
 }
 
-#if SEARCH == KD_TREE
-// Orders the leaves on each axis by (minimum, maximum, index).
-void order_leaves(local Treelet* treelet) {
-  const uint leaf_count = treelet->leaf_count;
-  for (uint task = get_local_id(0); task < 3 * leaf_count; task += get_local_size(0)) {
-    const uint axis = task / leaf_count, leaf = task % leaf_count;
-    const float low = treelet->lows[axis][leaf], high = treelet->highs[axis][leaf];
-    uint place = 0, before = 0, below = 0, touch = 0;
-    for (uint i = 0; i < leaf_count; ++i) {
-      const float other_low = treelet->lows[axis][i], other_high = treelet->highs[axis][i];
-      const bool is_before = other_low < low || (other_low == low && (other_high < high ||
-                                                                      (other_high == high && i < leaf)));
-      place += is_before ? 1 : 0;
-      before |= (is_before ? 1u : 0u) << i;
-      below |= (other_high < low ? 1u : 0u) << i;
-      touch |= (other_high <= low ? 1u : 0u) << i;
-    }
-    treelet->orders[axis][place] = (uchar)leaf;
-    treelet->befores[axis][place] = (ushort)before;
-    treelet->belows[axis][place] = (ushort)below;
-    treelet->touches[axis][place] = (ushort)touch;
-  }
+void solve_subset(local Treelet* treelet, const uint subset, const uint* cuts,
+                  const TreeletParams params) {
+  local const SubsetExtent* a = &treelet->low_extents[subset & ((1 << LOW_BITS) - 1)];
+  local const SubsetExtent* b = &treelet->high_extents[subset >> LOW_BITS];
+  const float3 low = fmin(vload3(0, a->low), vload3(0, b->low));
+  const float3 high = fmax(vload3(0, a->high), vload3(0, b->high));
+  float parts;
+  bool merged;
+  treelet->subset_lefts[subset] = (ushort)best_partition(treelet, subset, cuts, &parts);
+  treelet->subset_costs[subset] =
+      node_cost(measure(low, high, params.measure), a->count + b->count, parts, params, &merged);
 }
-#endif
 
 // Begins the search for the cheapest tree over the leaves, which goes on by solve_size from 2 to
 // their number: dynamic programming over their subsets (Karras and Aila 2013, algorithm 2).
-void begin_search(local Treelet* treelet) {
+// `lane_count` work-items share it.
+void begin_search(local Treelet* treelet, const uint leaf_count, const uint lane,
+                  const uint lane_count) {
 #if SEARCH == KD_TREE
-  order_leaves(treelet);
+  list_cuts(treelet, leaf_count, lane, lane_count);
 #endif
-  const uint item = get_local_id(0);
-  if (item < treelet->leaf_count) treelet->subset_costs[1u << item] = treelet->costs[item];
+  for (uint i = lane; i < 1 << LOW_BITS; i += lane_count) {
+    if (i < 1u << leaf_count) set_extent(treelet, 0, i, &treelet->low_extents[i]);
+  }
+  for (uint i = lane; i < 1 << HIGH_BITS; i += lane_count) {
+    if (i << LOW_BITS < 1u << leaf_count) set_extent(treelet, LOW_BITS, i, &treelet->high_extents[i]);
+  }
+  if (lane == 0) treelet->subset_costs[0] = INFINITY;
+  for (uint i = lane; i < leaf_count; i += lane_count)
+    treelet->subset_costs[1u << i] = treelet->costs[i];
 }
 
 // Solves the subsets of `size` leaves; the smaller ones are solved.
-void solve_size(local Treelet* treelet, const uint size, global const ushort* subsets,
+void solve_size(local Treelet* treelet, const uint leaf_count, const uint size,
+                global const ushort* subsets, const uint lane, const uint lane_count,
                 const TreeletParams params) {
+  uint cuts[CUTS];
+#if SEARCH == KD_TREE
+#pragma unroll
+  for (uint i = 0; i < CUTS; ++i) cuts[i] = treelet->cuts[i / (SIZE - 1)][1 + i % (SIZE - 1)];
+#endif
   const uint last = params.subset_ends[size];
-  for (uint i = params.subset_ends[size - 1] + get_local_id(0); i < last;
-       i += get_local_size(0)) {
-    if (subsets[i] < (1u << treelet->leaf_count)) solve_subset(treelet, subsets[i], params);
+  for (uint i = params.subset_ends[size - 1] + lane; i < last; i += lane_count) {
+    if (subsets[i] < 1u << leaf_count) solve_subset(treelet, subsets[i], cuts, params);
   }
 }
 
@@ -131,8 +164,10 @@ void end_search(local Treelet* treelet, const TreeletParams params) {
 
 #else
 
-void begin_search(local Treelet* treelet) {}
-void solve_size(local Treelet* treelet, const uint size, global const ushort* subsets,
+void begin_search(local Treelet* treelet, const uint leaf_count, const uint lane,
+                  const uint lane_count) {}
+void solve_size(local Treelet* treelet, const uint leaf_count, const uint size,
+                global const ushort* subsets, const uint lane, const uint lane_count,
                 const TreeletParams params) {}
 
 // Joins the pair whose joint box has the smallest measure until one is left (Domingues and Pedrini
