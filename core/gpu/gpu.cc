@@ -37,7 +37,8 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
       fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kWideQueries, kSubGroupsPerGroup);
   gpu.sub_group_stages =
       device.Program({"morton.cl", "ties.cl", "sub_group.cl", "ties_short.cl", "wide_tree.cl"},
-                     fmt::format("{} -DTIE_SHORT_RUN={}", sub_groups, kTieShortRun));
+                     fmt::format("{} -DTIE_SHORT_RUN={} -DTIE_BOUNDARIES={}", sub_groups,
+                                 kTieShortRun, kTieBoundaries));
   for (std::size_t i = 0; i < kListRows.size(); ++i) {
     gpu.gather_wide[i] = device.Program({"traverse.cl", "sub_group.cl", "gather_wide.cl"},
                                         fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));

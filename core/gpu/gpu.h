@@ -27,6 +27,9 @@ inline constexpr std::size_t kSubGroupsPerGroup = 2;
 /// Photons of a run of equal codes that a sub-group rebuilds.
 inline constexpr std::size_t kTieShortRun = 512;
 
+/// Boundaries that one work-item of tie_short_runs looks at.
+inline constexpr std::size_t kTieBoundaries = 8;
+
 /// Lists of gather_wide in local memory: places / 32, and the largest k that they can hold.
 inline constexpr std::array<std::uint32_t, 2> kListRows = {4, 6}, kListK = {64, 128};
 
@@ -64,8 +67,12 @@ void Launch(const Gpu& gpu, const cl::Program& program, const char* name, std::s
             std::size_t group_size, const Args&... args) {
   if (items == 0) return;
   const std::size_t padded = (items + group_size - 1) / group_size * group_size;
-  cl::KernelFunctor<Args...> kernel(program, name);
-  kernel(cl::EnqueueArgs(gpu.queue(), cl::NDRange(padded), cl::NDRange(group_size)), args...);
+  cl::Kernel kernel(program, name);
+  cl_uint index = 0;
+  (kernel.setArg(index++, args), ...);
+  // Without an event: on a queue that profiles, one costs more than the launch.
+  gpu.queue().enqueueNDRangeKernel(kernel, cl::NullRange, cl::NDRange(padded),
+                                   cl::NDRange(group_size));
 }
 
 }  // namespace treelight

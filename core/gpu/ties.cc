@@ -88,9 +88,9 @@ bool SplitShortRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_t 
                     const Buffer<cl_uchar>& levels) {
   const Buffer<cl_uint> rest(gpu.memory(), 1);
   rest.Fill(gpu.queue(), 0);
-  Launch(gpu, gpu.sub_group_stages, "tie_short_runs", count, kSubGroupSize * kSubGroupsPerGroup,
-         positions.get(), static_cast<cl_uint>(count), max_leaf_size, cl_uint{base}, ids.get(),
-         levels.get(), rest.get());
+  Launch(gpu, gpu.sub_group_stages, "tie_short_runs", (count + kTieBoundaries - 1) / kTieBoundaries,
+         kSubGroupSize * kSubGroupsPerGroup, positions.get(), static_cast<cl_uint>(count),
+         max_leaf_size, cl_uint{base}, ids.get(), levels.get(), rest.get());
   return rest.ReadAt(gpu.queue(), 0) != 0;
 }
 

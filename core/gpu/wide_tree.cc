@@ -23,12 +23,11 @@ DeviceWideTree BuildWideTree(const Gpu& gpu, const DeviceTree& tree, const Leave
   Launch(gpu, gpu.sub_group_stages, "wide_block_firsts", leaf_count + std::size_t{1}, kGroupSize,
          tree.block_flags.get(), leaves.firsts.get(), leaf_count, wide.boxes.get());
   Launch(gpu, gpu.sub_group_stages, "wide_blocks", std::size_t{block_count} * kSubGroupSize,
-         kSubGroupSize * kSubGroupsPerGroup, tree.photons.get(), block_count, wide.boxes.get());
+         kGroupSize, tree.photons.get(), block_count, wide.boxes.get());
   for (cl_uint level = 1; level < shape.level_count; ++level) {
     Launch(gpu, gpu.sub_group_stages, "wide_level",
-           std::size_t{shape.counts[level]} * kSubGroupSize, kSubGroupSize * kSubGroupsPerGroup,
-           wide.boxes.get(), shape.offsets[level - 1], shape.counts[level - 1],
-           shape.offsets[level]);
+           std::size_t{shape.counts[level]} * kSubGroupSize, kGroupSize, wide.boxes.get(),
+           shape.offsets[level - 1], shape.counts[level - 1], shape.offsets[level]);
   }
   return wide;
 }

@@ -1,7 +1,7 @@
 // Short runs of equal codes, rebuilt by one sub-group each in local memory: what ties.cl does in
 // some ten launches for all runs. A run that one round of finer codes does not tell apart is left
 // to ties.cl. Uses morton.cl, ties.cl and sub_group.cl. -DSUB_GROUPS: of one work-group.
-// -DTIE_SHORT_RUN: photons of a run, a power of two.
+// -DTIE_SHORT_RUN: photons of a run, a power of two. -DTIE_BOUNDARIES: that one item looks at.
 
 // Sorts `size` numbers, a power of two, in ascending order (Batcher 1968, bitonic sort).
 void sort_bitonic(local ulong* numbers, const uint size) {
@@ -81,7 +81,7 @@ bool rebuild_run(global const float* restrict positions, const uint first, const
   return true;
 }
 
-/// Rebuilds all short runs. One work-item per boundary.
+/// Rebuilds all short runs. One work-item per TIE_BOUNDARIES boundaries.
 /// @param base    level of the first bit of the finer codes: levels from there on are within runs
 /// @param ids     [n] in/out: photon at each place of the leaf order
 /// @param levels  [n - 1] in/out
@@ -91,19 +91,23 @@ kernel void tie_short_runs(global const float* restrict positions, const uint n,
                            global uchar* levels, global uint* rest) {
   local ulong all_keys[SUB_GROUPS * TIE_SHORT_RUN];
   local ulong* keys = all_keys + get_local_id(0) / SUB_GROUP_SIZE % SUB_GROUPS * TIE_SHORT_RUN;
-  const uint i = get_global_id(0);
-  // A run's boundaries may be rewritten at any time by whom it belongs to, the sub-group of its
-  // first one; they stay at or above `base`.
-  const bool head = i + 1 < n && levels[i] == kLevelTied && (i == 0 || levels[i - 1] < base);
-  for (uint heads = sub_group_vote(head); heads != 0; heads &= heads - 1) {
-    const uint first = i - sub_group_lane() + ctz(heads);
-    const uint length = run_length(levels, n, first);
-    if (length <= min(max_leaf_size, (uint)TIE_SHORT_RUN)) continue;
-    // Of a longer run only ties.cl knows whether it is longer than a leaf.
-    const bool done = length <= TIE_SHORT_RUN &&
-                      rebuild_run(positions, first, length, max_leaf_size, base, keys, ids, levels);
-    if (!done && sub_group_lane() == 0) rest[0] = 1;  // all writers write the same
-    // The keys have been read.
-    sub_group_sync();
+  const uint begin = get_global_id(0) / SUB_GROUP_SIZE * SUB_GROUP_SIZE * TIE_BOUNDARIES;
+  for (uint step = 0; step < TIE_BOUNDARIES; ++step) {
+    const uint i = begin + step * SUB_GROUP_SIZE + sub_group_lane();
+    // A run's boundaries may be rewritten at any time by whom it belongs to, the sub-group of its
+    // first one; they stay at or above `base`.
+    const bool head = i + 1 < n && levels[i] == kLevelTied && (i == 0 || levels[i - 1] < base);
+    for (uint heads = sub_group_vote(head); heads != 0; heads &= heads - 1) {
+      const uint first = i - sub_group_lane() + ctz(heads);
+      const uint length = run_length(levels, n, first);
+      if (length <= min(max_leaf_size, (uint)TIE_SHORT_RUN)) continue;
+      // Of a longer run only ties.cl knows whether it is longer than a leaf.
+      const bool done =
+          length <= TIE_SHORT_RUN &&
+          rebuild_run(positions, first, length, max_leaf_size, base, keys, ids, levels);
+      if (!done && sub_group_lane() == 0) rest[0] = 1;  // all writers write the same
+      // The keys have been read.
+      sub_group_sync();
+    }
   }
 }

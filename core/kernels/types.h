@@ -100,6 +100,9 @@ TREELIGHT_SHARED kLevelSweep = 160u, kSweepLevels = 95u;
 TREELIGHT_SHARED kLevelSame = 254u; /**< photons of equal codes at one position */
 TREELIGHT_SHARED kLevelTied = 255u; /**< photons of equal codes, not yet told apart */
 
+/** Leaves that leaf_flags finds, and subtrees to be rebuilt, have no more photons. */
+TREELIGHT_SHARED kMaxLeafWindow = 1024u;
+
 /** Bits of a code that tells apart the photons of a run of equal codes. */
 TREELIGHT_SHARED kTieBits = 30u;
 
