@@ -16,6 +16,7 @@ ties.cl           @ s/127 + 9 - exponent/127 + 8 - exponent/ @ ties_test
 ties.cl           @ s/(leaf_count + 1) \/ 2/leaf_count \/ 2/ @ ties_test
 ties.cl           @ s/clz(i ^ (i + 1))/clz(i)/ @ ties_test
 leaves.cl         @ s/b - a + 1 > cap/b - a > cap/ @ leaves_test
+leaves.cl         @ s/counts\[group\] + popcount/popcount/ @ leaves_test
 hierarchy.cl      @ s/count += sibling_count/count += 1/ @ hierarchy_test
 hierarchy.cl      @ s/min_id = min(min_id, min_ids\[/min_id = max(min_id, min_ids[/ @ hierarchy_test
 statistics.cl     @ s/node->right_max/node->left_max/ @ hierarchy_test

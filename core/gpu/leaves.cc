@@ -15,10 +15,18 @@ Leaves ListLeaves(const Gpu& gpu, const Buffer<cl_uint>& flags, std::size_t coun
 
 Leaves FindLeaves(const Gpu& gpu, const Buffer<cl_uchar>& levels, std::size_t count,
                   std::uint32_t max_leaf_size) {
-  const Buffer<cl_uint> flags(gpu.memory(), count + 1);
-  Launch(gpu, gpu.stages, "leaf_flags", count + 1, kGroupSize, levels.get(),
-         static_cast<cl_uint>(count), max_leaf_size, flags.get());
-  return ListLeaves(gpu, flags, count);
+  const std::size_t group_count = (count + kGroupSize - 1) / kGroupSize;
+  const Buffer<cl_uint> marks(gpu.memory(), group_count * kGroupSize / 32);
+  const Buffer<cl_uint> counts(gpu.memory(), group_count + 1);
+  const auto n = static_cast<cl_uint>(count);
+  Launch(gpu, gpu.stages, "leaf_marks", count, kGroupSize, levels.get(), n, max_leaf_size,
+         marks.get(), counts.get());
+  ExclusiveScan(gpu, counts, group_count + 1);
+  const cl_uint leaf_count = counts.ReadAt(gpu.queue(), group_count);
+  Leaves leaves{leaf_count, Buffer<cl_uint>(gpu.memory(), leaf_count + std::size_t{1})};
+  Launch(gpu, gpu.stages, "marked_firsts", count, kGroupSize, marks.get(), counts.get(), n,
+         leaves.firsts.get());
+  return leaves;
 }
 
 Buffer<LeafPhoton> PermutePhotons(const Gpu& gpu, const Buffer<float>& positions,

@@ -1,58 +1,73 @@
-// Leaves: the maximal subtrees of at most B photons, and the photons in leaf order.
+// Leaves: the maximal subtrees of at most B photons, and the photons in leaf order. A leaf begins
+// behind each boundary whose node is larger.
 
 #ifndef GROUP_SIZE
 #define GROUP_SIZE 256
 #endif
 
-// Extends the subtree [*first, *last] to its parent, unless that has more than `cap` photons.
-// False: it has, or there is none. `levels`: from boundary `base` on.
-bool climb(local const uchar* levels, const uint base, const uint n, const uint cap, uint* first,
-           uint* last) {
-  const int left = *first > 0 ? (int)levels[*first - 1 - base] : -1;
-  const int right = *last + 1 < n ? (int)levels[*last - base] : -1;
-  uint a = *first, b = *last;
-  // The sibling lies behind the boundary with the larger level and reaches to the next boundary
-  // with a smaller one.
-  if (left > right) {
-    for (--a; a > 0 && levels[a - 1 - base] > left && b - a < cap; --a) {
-    }
-  } else if (right >= 0) {
-    for (++b; b + 1 < n && levels[b - base] > right && b - a < cap; ++b) {
-    }
-  } else {
-    return false;
-  }
-  if (b - a + 1 > cap) return false;
-  *first = a;
-  *last = b;
-  return true;
+// Whether the node at boundary `at` holds more than `cap` photons: it reaches over all boundaries on
+// either side with larger levels. `levels`: from boundary `base` on.
+bool is_large(local const uchar* levels, const uint base, const uint at, const uint n,
+              const uint cap) {
+  const uchar level = levels[at - base];
+  uint a = at, b = at + 1;
+  while (a > 0 && levels[a - 1 - base] > level && b - a < cap) --a;
+  while (b + 1 < n && levels[b - base] > level && b - a < cap) ++b;
+  return b - a + 1 > cap;
 }
 
-/// Flags the first photon of each leaf. One work-item per photon and one more, work-groups of
-/// GROUP_SIZE.
+/// Marks the first photon of each leaf. One work-item per photon, work-groups of GROUP_SIZE, a
+/// multiple of 32.
 /// @param levels         [n - 1] split levels
 /// @param max_leaf_size  at most kMaxLeafWindow
-/// @param flags          [n + 1] out: 1 where a leaf begins, else 0; flags[n] is 0
-kernel void leaf_flags(global const uchar* restrict levels, const uint n, const uint max_leaf_size,
-                       global uint* restrict flags) {
+/// @param marks          [groups * GROUP_SIZE / 32] out: a bit for each photon, 1 where a leaf begins
+/// @param counts         [groups + 1] out: leaves that begin in each group; the last is 0
+kernel void leaf_marks(global const uchar* restrict levels, const uint n, const uint max_leaf_size,
+                       global uint* restrict marks, global uint* restrict counts) {
   // The boundaries that a leaf of a photon of this group can reach, and one more on either side.
   local uchar window[GROUP_SIZE + 2 * (kMaxLeafWindow + 1)];
-  const uint begin = get_group_id(0) * GROUP_SIZE, reach = max_leaf_size + 1;
+  local uint words[GROUP_SIZE / 32], count;
+  const uint item = get_local_id(0), group = get_group_id(0);
+  const uint begin = group * GROUP_SIZE, reach = max_leaf_size + 1;
   const uint base = begin > reach ? begin - reach : 0;
   const uint end = min(begin + GROUP_SIZE + reach, n - 1);
-  for (uint i = base + get_local_id(0); i < end; i += GROUP_SIZE) window[i - base] = levels[i];
-  // All of the window is read by any item.
+  for (uint i = base + item; i < end; i += GROUP_SIZE) window[i - base] = levels[i];
+  if (item < GROUP_SIZE / 32) words[item] = 0;
+  if (item == 0) count = 0;
+  // All of the window is read by any item; the words are 0 before bits are set.
   barrier(CLK_LOCAL_MEM_FENCE);
-  const uint i = get_global_id(0);
-  if (i > n) return;
-  uint first = i, last = i;
-  // A leaf that reaches to the left of i does not begin at i.
-  while (i < n && first == i && climb(window, base, n, max_leaf_size, &first, &last)) {
+  const uint i = begin + item;
+  if (i < n && (i == 0 || is_large(window, base, i - 1, n, max_leaf_size)))
+    atomic_or(&words[item / 32], 1u << item % 32);
+  // All bits are set.
+  barrier(CLK_LOCAL_MEM_FENCE);
+  if (item < GROUP_SIZE / 32) {
+    marks[group * (GROUP_SIZE / 32) + item] = words[item];
+    atomic_add(&count, popcount(words[item]));
   }
-  flags[i] = i < n && first == i ? 1 : 0;
+  // All words are counted.
+  barrier(CLK_LOCAL_MEM_FENCE);
+  if (item == 0) {
+    counts[group] = count;
+    if (group + 1 == get_num_groups(0)) counts[group + 1] = 0;
+  }
 }
 
-/// Lists the first photons of the leaves. One work-item per photon and one more.
+/// Lists the marked photons; ranges as leaf_marks.
+/// @param counts  [groups + 1] exclusive sum
+/// @param firsts  [leaf_count + 1] out: first photon of each leaf, then n
+kernel void marked_firsts(global const uint* restrict marks, global const uint* restrict counts,
+                          const uint n, global uint* restrict firsts) {
+  const uint item = get_local_id(0), group = get_group_id(0), i = group * GROUP_SIZE + item;
+  global const uint* words = marks + group * (GROUP_SIZE / 32);
+  if (i == 0) firsts[counts[get_num_groups(0)]] = n;
+  if ((words[item / 32] >> item % 32 & 1) == 0) return;
+  uint place = counts[group] + popcount(words[item / 32] & ((1u << item % 32) - 1));
+  for (uint word = 0; word < item / 32; ++word) place += popcount(words[word]);
+  firsts[place] = i;
+}
+
+/// Lists the photons that a leaf begins with, from flags. One work-item per photon and one more.
 /// @param places       [n + 1] exclusive sum of the flags
 /// @param leaf_firsts  [leaf_count + 1] out: first photon of each leaf, then n
 kernel void leaf_firsts(global const uint* restrict places, const uint n,

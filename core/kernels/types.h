@@ -43,7 +43,7 @@ typedef struct Root {
 
 /** Work-groups that sum over a tree, the same on every device, so that sums of floats have the same
  * bits. */
-enum { kTreeSumGroups = 64 };
+enum { kTreeSumGroups = 256 };
 
 /** What is read back of a tree: its root, and the parts of its sums. */
 typedef struct TreeSums {
@@ -100,7 +100,7 @@ TREELIGHT_SHARED kLevelSweep = 160u, kSweepLevels = 95u;
 TREELIGHT_SHARED kLevelSame = 254u; /**< photons of equal codes at one position */
 TREELIGHT_SHARED kLevelTied = 255u; /**< photons of equal codes, not yet told apart */
 
-/** Leaves that leaf_flags finds, and subtrees to be rebuilt, have no more photons. */
+/** Leaves, and subtrees that are rebuilt, have no more photons. */
 TREELIGHT_SHARED kMaxLeafWindow = 1024u;
 
 /** Bits of a code that tells apart the photons of a run of equal codes. */
