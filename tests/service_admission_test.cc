@@ -272,9 +272,21 @@ TEST_F(ServiceAdmissionTest, ListsThatMightNotFitAreRefusedAndThoseThatAreHereAr
   status = Stream(*stub_, {&small, 1}, parts);
   EXPECT_TRUE(status.ok()) << status.error_message();
 
-  options_.memory_limit = 9 << 20;
+  // A CPU searches in host memory too, 40 B for each of 500 * 1000 neighbours.
+  DeviceInfo cpu;
+  cpu.type = "cpu";
+  cpu.memory_bytes = cpu.max_buffer_bytes = std::uint64_t{1} << 40;
+  options_.devices = {cpu};
+  options_.memory_limit = 20 << 20;
   StartGated();
   const auto batch = MakeBatch("cloud", MakePoints(500, 2), lists);
+  status = Stream(*stub_, {&batch, 1}, parts);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(ReadDetails(status).quota, "memory");
+
+  options_.devices.clear();
+  options_.memory_limit = 9 << 20;
+  StartGated();
   grpc::ClientContext context;
   const auto stream = stub_->GatherStream(&context);
   ASSERT_TRUE(stream->Write(batch));
