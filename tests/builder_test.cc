@@ -73,34 +73,6 @@ TEST(BuilderTest, AFreshCloudKeepsTheInvariants) {
   }
 }
 
-class EveryTreeKind : public testing::TestWithParam<TreeKindOptions> {};
-
-TEST_P(EveryTreeKind, IsTheTreeOfTheCpuBitByBit) {
-  const auto cpu = MakeCpuBuilder();
-  for (const CloudShape& shape : AllClouds()) {
-    for (const std::size_t size : {0, 1, 2, 8, 9, 300, 1501}) {
-      const Photons photons = MakeCloud(shape, size, /*seed=*/7);
-      SCOPED_TRACE(shape.name + " " + std::to_string(size));
-      const auto expected = cpu->Build(photons, GetParam().options);
-      const auto actual = TestBuilder().Build(photons, GetParam().options);
-      ASSERT_TRUE(actual.ok()) << actual.status();
-      const Tree tree = *(*actual)->ReadTree();
-      ASSERT_TRUE(SameTree(tree, *(*expected)->ReadTree()));
-      EXPECT_EQ(tree.kind, (*expected)->ReadTree()->kind);
-      const BuildReport& report = (*actual)->report();
-      const TreeStatistics& plain = (*expected)->report().tree;
-      EXPECT_EQ(report.builder, (*expected)->report().builder);
-      EXPECT_EQ(report.radius, (*expected)->report().radius);
-      EXPECT_EQ(report.tree.depth, plain.depth);
-      EXPECT_NEAR(report.tree.sah_cost, plain.sah_cost, 1e-5 * plain.sah_cost);
-      EXPECT_NEAR(report.tree.isa_cost, plain.isa_cost, 1e-5 * plain.isa_cost);
-    }
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Kinds, EveryTreeKind, testing::ValuesIn(AllTreeKinds()),
-                         [](const auto& test) { return test.param.name; });
-
 TEST(BuilderTest, ReportsStagesAndStatistics) {
   const Photons photons = MakeCloud(CloudNamed("surfaces"), 20011, /*seed=*/7);
   const auto map = TestBuilder().Build(photons, {});

@@ -24,6 +24,9 @@ sweep.cl          @ s/run.last > run.end) {/run.last > run.end + 8) {/ @ gpu_swe
 subtree.cl        @ s/u == v \&\& a > b/u == v \&\& a < b/ @ gpu_sweep_test
 sweep.cl          @ s/kLevelSweep + depth/kLevelSweep/ @ gpu_sweep_test
 measure.cl        @ s/d.z \* d.x/d.z * d.y/ @ gpu_sweep_test
+treelet_search.cl @ s/(other_high < low ? 0u/(other_high <= low ? 0u/ @ tree_kinds_test
+treelet_search.cl @ s/return is_apart ? apart_left : touching_left;/return touching_left;/ @ tree_kinds_test
+treelet_round.cl  @ s/(treelet, i, nodes, costs/(treelet, 0, nodes, costs/ @ tree_kinds_test
 heap.cl           @ s/heap\[(child + 1) \* stride\] > largest/heap[(child + 1) * stride] < largest/ @ gatherer_test
 traverse.cl       @ s/normal.z < 0/normal.z > 0/ @ gatherer_test
 traverse.cl       @ s/return fmax(2.0f/return fmax(1.99f/ @ gatherer_test
