@@ -20,9 +20,9 @@ namespace {
 constexpr std::uint64_t kMessageCopies = 3;
 
 constexpr std::uint64_t kNeighborBytes = sizeof(std::uint32_t) + sizeof(float);
-/// What a CPU searches an uncapped list in, for each neighbour at most: two pairs of arrays that grow
-/// to a power of two, and what they are sorted by. Queries that are searched at once find no more
-/// than all of them.
+/// What a CPU searches an uncapped list in, for each neighbour at most: two pairs of arrays that
+/// grow to a power of two, and what they are sorted by. Queries that are searched at once find no
+/// more than all of them.
 constexpr std::uint64_t kSearchBytes = 2 * 2 * kNeighborBytes + sizeof(std::uint64_t);
 
 std::uint64_t Sum(const std::vector<std::uint32_t>& numbers) {
@@ -241,10 +241,9 @@ absl::Status Batch::Gather() {
     // No list is longer than the map.
     const std::uint64_t longest = (slice_.last - slice_.first) * map_->gatherer->photon_count();
     const std::uint64_t bytes = kNeighborBytes + (state_.maps_in_host_memory() ? kSearchBytes : 0);
-    const auto taken =
-        TakeMemory(Holder::kAnswers,
-                   bytes * std::min<std::uint64_t>(longest, batch_.options.max_neighbors),
-                   list_memory);
+    const auto taken = TakeMemory(
+        Holder::kAnswers, bytes * std::min<std::uint64_t>(longest, batch_.options.max_neighbors),
+        list_memory);
     if (!taken.ok()) return taken;
   }
   result_ = {};  // the last slice goes before the next comes
