@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <random>
 #include <span>
 
@@ -53,22 +54,22 @@ v1::BuildPhotonMapRequest MakeHeader(const std::string& name, const Photons& pho
   return request;
 }
 
-// Bytes of the numbers of the photons [first, first + count), `width` numbers each; none of an
-// empty array.
+// Puts the numbers of the photons [first, first + count), `width` numbers each, into `bytes`;
+// nothing of an empty array.
 template <typename T>
-std::string Bytes(const std::vector<T>& array, std::size_t width, std::size_t first,
-                  std::size_t count) {
-  if (array.empty()) return {};
-  return {reinterpret_cast<const char*>(&array[width * first]), width * count * sizeof(T)};
+void PutBytes(const std::vector<T>& array, std::size_t width, std::size_t first, std::size_t count,
+              std::string& bytes) {
+  if (array.empty()) return;
+  bytes.assign(reinterpret_cast<const char*>(&array[width * first]), width * count * sizeof(T));
 }
 
-v1::BuildPhotonMapRequest MakeChunk(const Photons& photons, std::size_t first, std::size_t count) {
-  v1::BuildPhotonMapRequest request;
+// Makes `request` a chunk, in the memory that it has.
+void PutChunk(const Photons& photons, std::size_t first, std::size_t count,
+              v1::BuildPhotonMapRequest& request) {
   v1::PhotonChunk& chunk = *request.mutable_chunk();
-  chunk.set_positions(Bytes(photons.positions, 3, first, count));
-  chunk.set_powers(Bytes(photons.powers, 3, first, count));
-  chunk.set_directions(Bytes(photons.directions, 2, first, count));
-  return request;
+  PutBytes(photons.positions, 3, first, count, *chunk.mutable_positions());
+  PutBytes(photons.powers, 3, first, count, *chunk.mutable_powers());
+  PutBytes(photons.directions, 2, first, count, *chunk.mutable_directions());
 }
 
 std::size_t PhotonsPerChunk(const Photons& photons, const v1::ServerLimits& limits) {
@@ -93,11 +94,15 @@ absl::StatusOr<v1::BuildPhotonMapResponse> Upload(v1::PhotonMapService::Stub& st
                                                   const Photons& photons,
                                                   std::size_t photons_per_chunk,
                                                   const UploadOptions& options, Deadline deadline) {
+  std::array<v1::BuildPhotonMapRequest, 2> chunks;  // one is made while the other is written
   UploadCall call(stub, header.header().name(), deadline);
   bool open = call.Write(header);
+  std::size_t next = 0;
   for (std::size_t first = 0; open && first < photons.size(); first += photons_per_chunk) {
     const std::size_t count = std::min(photons_per_chunk, photons.size() - first);
-    open = call.Write(MakeChunk(photons, first, count));
+    PutChunk(photons, first, count, chunks[next]);
+    open = call.Write(chunks[next]);
+    next = 1 - next;
     if (open && options.progress) options.progress(first + count);
   }
   return Checked(call.Finish());

@@ -17,18 +17,24 @@ UploadCall::UploadCall(v1::PhotonMapService::Stub& stub, const std::string& map,
 }
 
 bool UploadCall::Write(const v1::BuildPhotonMapRequest& request) {
+  AwaitWrite();
   if (!open_) return false;
+  {
+    const std::lock_guard lock(mutex_);
+    writing_ = true;
+  }
+  StartWrite(&request);  // never with the lock held: it may call back from within
+  return true;
+}
+
+void UploadCall::AwaitWrite() {
   std::unique_lock lock(mutex_);
-  writing_ = true;
-  lock.unlock();  // gRPC is never called with the lock held: it may call back from within
-  StartWrite(&request);
-  lock.lock();
   changed_.wait(lock, [&] { return !writing_; });
   open_ = written_;
-  return open_;
 }
 
 absl::StatusOr<v1::BuildPhotonMapResponse> UploadCall::Finish() {
+  AwaitWrite();
   if (open_) StartWritesDone();
   RemoveHold();
   std::unique_lock lock(mutex_);

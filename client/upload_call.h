@@ -23,13 +23,16 @@ class UploadCall final : private grpc::ClientWriteReactor<v1::BuildPhotonMapRequ
   UploadCall(v1::PhotonMapService::Stub& stub, const std::string& map,
              std::chrono::system_clock::time_point deadline);
 
-  /// Sends one message and waits until it is on its way. False: the server reads no more.
+  /// Waits until the message before is on its way and sends this one, which must stay as it is
+  /// until the next Write or Finish returns: the caller prepares the next one meanwhile. False: the
+  /// server reads no more, and this one was not sent.
   bool Write(const v1::BuildPhotonMapRequest& request);
 
   /// Ends the upload, and waits for the answer. Must be called once, and last.
   absl::StatusOr<v1::BuildPhotonMapResponse> Finish();
 
  private:
+  void AwaitWrite();
   void OnWriteDone(bool ok) override;
   void OnDone(const grpc::Status& status) override;
 
@@ -40,7 +43,7 @@ class UploadCall final : private grpc::ClientWriteReactor<v1::BuildPhotonMapRequ
   std::mutex mutex_;
   std::condition_variable changed_;  // anything below
   bool writing_ = false;             // guarded by mutex_
-  bool written_ = false;             // guarded by mutex_; how the last write ended
+  bool written_ = true;              // guarded by mutex_; how the last write ended
   bool done_ = false;                // guarded by mutex_
   grpc::Status status_;              // guarded by mutex_; once done_
 };

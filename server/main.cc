@@ -13,6 +13,7 @@
 #include <utility>
 #include <variant>
 
+#include "core/keep_memory.h"
 #include "fmt/format.h"
 #include "google/protobuf/stubs/logging.h"
 #include "grpc/support/log.h"
@@ -109,6 +110,7 @@ void ServeUntilSignal(Server& server, SignalWatch& signals, const Flags& flags) 
 int Main(int argc, const char* const* argv) {
   static SignalWatch signals(kExitSignal);  // its thread may outlive main()
   std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
+  KeepMessageMemory();
   QuietLibraries();
   RaiseFileLimit();
   auto parsed = ParseFlags(argc, argv);

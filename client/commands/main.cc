@@ -7,6 +7,7 @@
 #include "client/commands/command.h"
 #include "client/commands/output.h"
 #include "client/commands/server_option.h"
+#include "core/keep_memory.h"
 #include "fmt/format.h"
 #include "grpc/support/log.h"
 
@@ -51,6 +52,7 @@ int Finish(const absl::Status& status, const GlobalOptions& global) {
 }
 
 int Main(int argc, char** argv) {
+  KeepMessageMemory();
   QuietGrpc();
   CLI::App app{"Builds and queries photon maps on a Treelight server.", "treelight"};
   GlobalOptions global;
