@@ -28,6 +28,8 @@ struct GlobalOptions {
 // must outlive each other's use. What is wrong with the command line itself is thrown as
 // CLI::ValidationError from the subcommand's callback or its action, and ends with exit code 2.
 
+void AddAccuracyCommand(
+    CLI::App& app, GlobalOptions& global);  ///< `accuracy`: error and speed of approximate gathers
 void AddDevicesCommand(CLI::App& app, GlobalOptions& global);  ///< `devices`: devices of the server
 void AddInfoCommand(CLI::App& app,
                     GlobalOptions& global);  ///< `info`: version, limits and load of the server

@@ -63,6 +63,7 @@ int Main(int argc, char** argv) {
   app.footer(kFooter);
   AddDevicesCommand(app, global);
   AddInfoCommand(app, global);
+  AddAccuracyCommand(app, global);
   AddBenchCommand(app, global);
   AddBuildCommand(app, global);
   AddCompareCommand(app, global);

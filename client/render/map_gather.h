@@ -17,6 +17,7 @@ struct EstimateOptions {
   std::uint32_t k = 0;  ///< 0: all within the radius
   float radius = 0;     ///< scene units, > 0, finite
   DensityKernel kernel = DensityKernel::kEpanechnikov;
+  Approximation approximation{};
 };
 
 /// One query in so many is in GatherCost::sample.

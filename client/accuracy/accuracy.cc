@@ -1,0 +1,252 @@
+#include "client/accuracy/accuracy.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <map>
+#include <optional>
+#include <random>
+#include <span>
+#include <utility>
+
+#include "client/accuracy/truth.h"
+#include "client/render/gather_radius.h"
+#include "client/render/map_upload.h"
+#include "client/render/path_tracer.h"
+#include "client/render/photon_renderer.h"
+#include "client/study/sample.h"
+#include "client/trace/photon_tracer.h"
+#include "fmt/format.h"
+
+namespace treelight::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::hours kTimeToLive{1};
+constexpr float kUnlimited = std::numeric_limits<float>::infinity();
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// A random subset of `photons`: each stays with probability `fraction` and carries the power of
+/// those that go.
+Photons Subset(const Photons& photons, double fraction, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const auto bound = static_cast<std::uint64_t>(fraction * 0x1p64);
+  const auto rescale = static_cast<float>(1 / fraction);
+  Photons kept;
+  for (std::size_t i = 0; i < photons.size(); ++i) {
+    if (random() >= bound) continue;
+    for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
+      kept.positions.push_back(photons.positions[c]);
+      kept.powers.push_back(rescale * photons.powers[c]);
+    }
+  }
+  return kept;
+}
+
+/// One scene on the server. Deletes its maps at the end.
+class SceneMeasurement {
+ public:
+  SceneMeasurement(PhotonMapClient& client, const AccuracyPlan& plan,
+                   const AccuracyListener& listener, const Intersector& scene)
+      : client_(client),
+        plan_(plan),
+        listener_(listener),
+        scene_(scene),
+        map_name_(
+            fmt::format("accuracy.{:08x}{:08x}", std::random_device{}(), std::random_device{}())) {}
+
+  ~SceneMeasurement() {
+    for (const MapRef& map : maps_) (void)client_.DeletePhotonMap(map);
+    if (pictures_) (void)DeleteMaps(client_, *pictures_);
+  }
+  SceneMeasurement(const SceneMeasurement&) = delete;
+  SceneMeasurement& operator=(const SceneMeasurement&) = delete;
+
+  absl::Status Run() {
+    if (auto status = Prepare(); !status.ok()) return status;
+    for (const Setting& setting : SettingGrid(plan_.ks)) {
+      if (setting.k > photons_.indirect.size()) continue;
+      auto row = Measure(setting);
+      if (!row.ok()) return row.status();
+      if (auto status = listener_(*row); !status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  absl::Status Prepare() {
+    auto traced = TracePhotons(scene_, {.indirect_photons = plan_.photons,
+                                        .caustic_photons = plan_.caustic_photons,
+                                        .seed = plan_.seed});
+    if (!traced.ok()) return traced.status();
+    photons_ = *std::move(traced);
+    queries_ = SamplePositions(photons_.indirect.positions, plan_.queries, plan_.seed);
+    const auto map = Upload(photons_.indirect);
+    if (!map.ok()) return map.status();
+    whole_ = *map;
+    if (plan_.picture_size == 0) return absl::OkStatus();
+    const auto uploaded =
+        UploadMaps(client_, photons_, {.name = map_name_, .time_to_live = kTimeToLive});
+    if (!uploaded.ok()) return uploaded.status();
+    pictures_ = uploaded->refs();
+    const auto reference = PathTrace(scene_, {.width = plan_.picture_size,
+                                              .height = plan_.picture_size,
+                                              .samples_per_pixel = plan_.reference_spp,
+                                              .seed = plan_.seed});
+    if (!reference.ok()) return reference.status();
+    reference_ = *reference;
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<MapRef> Upload(const Photons& photons) {
+    const auto built = client_.BuildPhotonMap(map_name_, photons, {.time_to_live = kTimeToLive});
+    if (!built.ok()) return built.status();
+    device_ = built->map().device();
+    maps_.push_back({.name = built->map().name(), .version = built->map().version()});
+    return maps_.back();
+  }
+
+  /// The map that a setting gathers from.
+  absl::StatusOr<MapRef> MapOf(const Setting& setting) {
+    if (setting.knob != Knob::kFraction) return whole_;
+    auto& map = fractions_[setting.value];
+    if (!map) {
+      const auto uploaded = Upload(Subset(photons_.indirect, setting.value, plan_.seed));
+      if (!uploaded.ok()) return uploaded.status();
+      map = *uploaded;
+    }
+    return *map;
+  }
+
+  /// The radius that holds k photons around half of the queries.
+  absl::StatusOr<float> RadiusOf(std::uint32_t k) {
+    auto& radius = radii_[k];
+    if (!radius) {
+      const auto found = RadiusOfNearest(client_, whole_, photons_.indirect, k, /*quantile=*/0.5);
+      if (!found.ok()) return found.status();
+      radius = *found;
+    }
+    return *radius;
+  }
+
+  absl::StatusOr<AccuracyRow> Measure(const Setting& setting) {
+    AccuracyRow row{.scene = scene_.scene().name,
+                    .photons = photons_.indirect.size(),
+                    .seed = plan_.seed,
+                    .device = device_,
+                    .setting = setting,
+                    .radius = kUnlimited,
+                    .queries = static_cast<std::uint32_t>(queries_.size() / 3),
+                    .checked = std::min(plan_.checked, plan_.queries)};
+    GatherOptions options = OptionsOf(setting);
+    if (IsWithinRadius(setting.knob)) {
+      const auto radius = RadiusOf(setting.k);
+      if (!radius.ok()) return radius.status();
+      options.radius = row.radius = *radius;
+    }
+    const auto map = MapOf(setting);
+    if (!map.ok()) return map.status();
+    const auto speed = Time(*map, options);
+    if (!speed.ok()) return speed.status();
+    row.speed = *speed;
+    const auto error = Judge(*map, setting, options);
+    if (!error.ok()) return error.status();
+    row.error = *error;
+    const bool has_picture = setting.knob == Knob::kNone || setting.knob == Knob::kEpsilon ||
+                             setting.knob == Knob::kMaxLeaves;
+    if (!has_picture || !pictures_) return row;
+    const auto picture = Render(options);
+    if (!picture.ok()) return picture.status();
+    row.picture = *picture;
+    return row;
+  }
+
+  absl::StatusOr<AnswerSpeed> Time(const MapRef& map, const GatherOptions& options) {
+    std::vector<double> kernel, whole;
+    const double count = static_cast<double>(queries_.size()) / 3;
+    for (std::uint32_t run = 0; run <= plan_.runs; ++run) {
+      const auto begin = Clock::now();
+      const auto answer = client_.Gather(map, {.positions = queries_}, options);
+      const std::chrono::duration<double, std::nano> took = Clock::now() - begin;
+      if (!answer.ok()) return answer.status();
+      if (run == 0) continue;  // compiles, fills caches
+      kernel.push_back(1e3 * answer->timings.kernel_us() / count);
+      whole.push_back(took.count() / count);
+    }
+    return AnswerSpeed{.kernel_ns = Median(kernel), .whole_ns = Median(whole)};
+  }
+
+  absl::StatusOr<AnswerError> Judge(const MapRef& map, const Setting& setting,
+                                    GatherOptions options) {
+    const auto checked =
+        std::span(queries_).first(3 * std::min<std::size_t>(plan_.checked, queries_.size() / 3));
+    const bool within = IsWithinRadius(setting.knob);
+    auto& truth = truths_[{within, setting.k}];
+    if (truth.empty()) {
+      truth = ComputeTruth(photons_.indirect, checked, within ? 0 : setting.k, options.radius);
+    }
+    options.outputs |= kOutputRadius;
+    if (!within) options.outputs |= kOutputNeighbors;
+    if (options.approximation.any()) options.outputs |= kOutputErrorBound;
+    const auto answer = client_.Gather(map, {.positions = checked}, options);
+    if (!answer.ok()) return answer.status();
+    return CompareAnswers(answer->result, truth, options.k);
+  }
+
+  absl::StatusOr<PictureError> Render(const GatherOptions& gather) {
+    PhotonRenderOptions options{.width = plan_.picture_size, .height = plan_.picture_size};
+    const auto radius = RadiusOfNearest(client_, *pictures_->indirect, photons_.indirect, gather.k,
+                                        kIndirectRadiusQuantile);
+    if (!radius.ok()) return radius.status();
+    options.indirect = {.k = gather.k, .radius = *radius, .approximation = gather.approximation};
+    if (pictures_->caustic) {
+      const auto caustic_k = static_cast<std::uint32_t>(
+          std::min<std::size_t>(options.caustic.k, photons_.caustic.size()));
+      const auto caustic = RadiusOfNearest(client_, *pictures_->caustic, photons_.caustic,
+                                           caustic_k, kCausticRadiusQuantile);
+      if (!caustic.ok()) return caustic.status();
+      options.caustic.radius = *caustic;
+    }
+    const auto picture = RenderPhotonMaps(scene_, client_, *pictures_, options);
+    if (!picture.ok()) return picture.status();
+    const auto error = Compare(picture->image, reference_.image);
+    if (!error.ok()) return error.status();
+    return PictureError{.rmse = error->rmse,
+                        .relative_mse = error->relative_mse,
+                        .seconds = picture->seconds,
+                        .reference_noise = reference_.noise};
+  }
+
+  PhotonMapClient& client_;
+  const AccuracyPlan& plan_;
+  const AccuracyListener& listener_;
+  const Intersector& scene_;
+  const std::string map_name_;
+  std::string device_;
+  TracedPhotons photons_;
+  std::vector<float> queries_;  // [3m]
+  std::vector<MapRef> maps_;
+  MapRef whole_;
+  std::map<double, std::optional<MapRef>> fractions_;
+  std::map<std::uint32_t, std::optional<float>> radii_;
+  std::map<std::pair<bool, std::uint32_t>, std::vector<TrueAnswer>> truths_;
+  std::optional<PhotonMaps> pictures_;
+  PathTracedImage reference_;
+};
+
+}  // namespace
+
+absl::Status MeasureAccuracy(PhotonMapClient& client, Scene scene, const AccuracyPlan& plan,
+                             const AccuracyListener& listener) {
+  const auto intersector = Intersector::Create(std::move(scene));
+  if (!intersector.ok()) return intersector.status();
+  return SceneMeasurement(client, plan, listener, *intersector).Run();
+}
+
+}  // namespace treelight::client

@@ -1,0 +1,43 @@
+#ifndef TREELIGHT_CLIENT_ACCURACY_SETTING_H_
+#define TREELIGHT_CLIENT_ACCURACY_SETTING_H_
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "core/gatherer.h"
+
+namespace treelight::client {
+
+/// What is given up.
+enum class Knob {
+  kNone,             ///< exact, of the k nearest
+  kEpsilon,          ///< Approximation::epsilon
+  kMaxLeaves,        ///< Approximation::max_leaves
+  kFraction,         ///< a random subset of the photons, their power rescaled, and k with it
+  kRadius,           ///< exact, of all within the radius of k photons
+  kWeightTolerance,  ///< Approximation::weight_tolerance, of the same
+};
+
+/// "exact", "epsilon", "max_leaves", "fraction", "radius", "weight_tolerance".
+std::string_view KnobName(Knob knob);
+
+/// Whether it asks for all photons within a radius, not for the k nearest.
+bool IsWithinRadius(Knob knob);
+
+/// One place of the grid.
+struct Setting {
+  Knob knob = Knob::kNone;
+  double value = 0;     ///< of the knob
+  std::uint32_t k = 0;  ///< neighbours; of a gather within a radius, those that it holds by median
+};
+
+/// What is asked of the server for it; a radius is left to the caller.
+GatherOptions OptionsOf(const Setting& setting);
+
+/// The grid: for each k the exact gathers and a row of values for each knob.
+std::vector<Setting> SettingGrid(const std::vector<std::uint32_t>& ks);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_ACCURACY_SETTING_H_

@@ -1,0 +1,34 @@
+#ifndef TREELIGHT_CLIENT_ACCURACY_TRUTH_H_
+#define TREELIGHT_CLIENT_ACCURACY_TRUTH_H_
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "client/accuracy/accuracy_row.h"
+#include "core/gatherer.h"
+#include "core/model/photons.h"
+
+namespace treelight::client {
+
+/// The right answer to one query, by brute force in float64, with Epanechnikov's kernel.
+struct TrueAnswer {
+  double distance = 0;  ///< of the k-th photon, or the radius
+  double density = 0;   ///< sum of the channels, W / unit^2
+};
+
+/// The k nearest photons of each query, or all within `radius` where k is 0, in float64, by TBB in
+/// the arena of the caller.
+/// @param queries  [3m]
+std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const float> queries,
+                                     std::uint32_t k, float radius);
+
+/// How far the answers to the first truth.size() queries are from the truth.
+/// @param answer  with radii and densities; with neighbours where k > 0
+/// @param k       of the gather that was asked for; 0: within a radius
+AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswer> truth,
+                           std::uint32_t k);
+
+}  // namespace treelight::client
+
+#endif  // TREELIGHT_CLIENT_ACCURACY_TRUTH_H_

@@ -1,0 +1,115 @@
+// What `treelight accuracy` measures: the truth, the distance from it, and a small run.
+
+#include "client/accuracy/accuracy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/accuracy/truth.h"
+#include "client/scenes/load_scene.h"
+#include "tests/server_fixture.h"
+
+namespace treelight::client {
+namespace {
+
+/// Photons on the x axis at 1, 2, 3 with a power of 1 in each channel.
+Photons OnALine() {
+  return {.positions = {1, 0, 0, 2, 0, 0, 3, 0, 0},
+          .powers = std::vector<float>(9, 1.0f),
+          .directions = {}};
+}
+
+TEST(TruthTest, AWorkedExample) {
+  const std::vector<float> queries = {0, 0, 0};
+  // Of the two nearest at 1 and 2 the second weighs nothing: 3 channels * 2 (1 - 1/4) / (4 pi).
+  const auto nearest = ComputeTruth(OnALine(), queries, 2, INFINITY);
+  ASSERT_EQ(nearest.size(), 1u);
+  EXPECT_DOUBLE_EQ(nearest[0].distance, 2);
+  EXPECT_DOUBLE_EQ(nearest[0].density, 3 * 2 * 0.75 / (4 * M_PI));
+  // Within 4: weights of 15, 12 and 7 sixteenths, twice.
+  const auto within = ComputeTruth(OnALine(), queries, 0, 4);
+  EXPECT_DOUBLE_EQ(within[0].density, 3 * 2 * (34.0 / 16) / (16 * M_PI));
+}
+
+TEST(TruthTest, AnAnswerThatIsWrongIsToldSo) {
+  const std::vector<float> queries = {0, 0, 0};
+  const auto truth = ComputeTruth(OnALine(), queries, 2, INFINITY);
+  const auto third = static_cast<float>(truth[0].density / 3);
+  GatherResult answer;
+  answer.radii = {2};
+  answer.neighbor_squared_distances = {1, 4};
+  answer.densities = {third, third, third};
+  const AnswerError none = CompareAnswers(answer, truth, 2);
+  EXPECT_EQ(none.distance, 0);
+  EXPECT_EQ(none.recall, 1);
+  EXPECT_NEAR(none.density, 0, 1e-7);
+  // The third photon instead of the second.
+  answer.radii = {3};
+  answer.neighbor_squared_distances = {1, 9};
+  answer.densities = {2 * third, third, third};
+  answer.error_bounds = {0.5f};
+  const AnswerError error = CompareAnswers(answer, truth, 2);
+  EXPECT_DOUBLE_EQ(error.distance, 0.5);
+  EXPECT_DOUBLE_EQ(error.recall, 0.5);
+  EXPECT_NEAR(error.density, 1.0 / 3, 1e-6);
+  EXPECT_DOUBLE_EQ(error.bound, 0.5);
+}
+
+class AccuracyTest : public treelight::testing::ServerTest {};
+
+TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
+  Start(MakeCpuBuilder());
+  PhotonMapClient client(server_->InProcessChannel());
+  auto scene = LoadScene("cornell");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  const AccuracyPlan plan{.photons = 5'000,
+                          .caustic_photons = 1'000,
+                          .queries = 300,
+                          .checked = 100,
+                          .runs = 1,
+                          .ks = {50},
+                          .picture_size = 8,
+                          .reference_spp = 4};
+  std::vector<AccuracyRow> rows;
+  const auto status =
+      MeasureAccuracy(client, std::move(scene->scene), plan, [&](const AccuracyRow& row) {
+        rows.push_back(row);
+        return absl::OkStatus();
+      });
+  ASSERT_TRUE(status.ok()) << status;
+  ASSERT_EQ(rows.size(), SettingGrid(plan.ks).size());
+  double last = 0;
+  for (const AccuracyRow& row : rows) {
+    SCOPED_TRACE(AccuracyCsvLine(row));
+    EXPECT_GT(row.speed.whole_ns, 0);
+    const Knob knob = row.setting.knob;
+    if (knob == Knob::kNone || IsWithinRadius(knob)) {
+      EXPECT_LT(row.error.density, 1e-5);
+      EXPECT_LT(row.error.distance, 1e-6);
+      EXPECT_EQ(row.error.recall, 1);
+    }
+    if (knob == Knob::kEpsilon) {
+      EXPECT_GE(row.error.distance, last);
+      EXPECT_LE(row.error.distance, row.setting.value);
+      last = row.error.distance;
+      EXPECT_GT(row.picture.seconds, 0);
+      EXPECT_GT(row.picture.rmse, 0);
+    }
+  }
+  EXPECT_GT(last, 0);
+}
+
+TEST(AccuracyRowTest, ALineHasAsManyCellsAsTheHeader) {
+  AccuracyRow row;
+  row.device = "a, b";
+  const std::string header = AccuracyCsvHeader();
+  const std::string line = AccuracyCsvLine(row);
+  EXPECT_EQ(std::count(line.begin(), line.end(), ','),
+            std::count(header.begin(), header.end(), ','));
+}
+
+}  // namespace
+}  // namespace treelight::client
