@@ -51,6 +51,11 @@ awk -F, '$1 == "room" && $2 == "light" && $9 == 8 {
 cmp -s small/summary.csv again/summary.csv || fail 'the same rows have another summary'
 if "$treelight" study --from p.ply --output again 2>error; then fail 'a PLY file is taken for rows'; fi
 grep -q '^treelight: p.ply:1: the columns are not those of a study' error || fail "$(cat error)"
+# What --quick and --from would leave unread is refused by name.
+if "$treelight" study --quick --tree isa --output again 2>error; then fail '--quick takes --tree'; fi
+grep -q -- '--tree' error || fail "$(cat error)"
+if "$treelight" study --from small/study.csv --seeds 3 --output again 2>error; then fail '--from takes --seeds'; fi
+grep -q -- '--seeds' error || fail "$(cat error)"
 
 # Charts, or one line that says what is missing.
 mkdir without

@@ -160,7 +160,7 @@ void AddPlanOptions(CLI::App& command, StudyPlan& plan) {
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{100'000'000}));
   command
       .add_option("--leaf-sizes", plan.leaf_sizes,
-                  "For which some kinds of trees are measured over the first of --light-photons")
+                  "For which some kinds of trees are measured over the fewest of --light-photons")
       ->delimiter(',')
       ->capture_default_str()
       ->check(CLI::Range(1u, 64u));
@@ -192,18 +192,22 @@ void AddStudyCommand(CLI::App& app, GlobalOptions& global) {
   CLI::App* command = app.add_subcommand(
       "study", "Judges every kind of tree by what searches cost in it: the paper's experiment");
   AddPlanOptions(*command, options->plan);
-  command
-      ->add_flag("--quick", options->quick,
-                 "A look in seconds: one built-in scene, few photons and kinds of trees")
-      ->excludes(command->get_option("--scene"))
-      ->excludes(command->get_option("--seeds"))
-      ->excludes(command->get_option("--image-photons"))
-      ->excludes(command->get_option("--light-photons"));
-  command
-      ->add_option("--from", options->from,
-                   "Measures nothing: takes the rows of these study.csv files")
-      ->type_name("FILE")
-      ->excludes(command->get_option("--quick"));
+  CLI::Option* quick =
+      command->add_flag("--quick", options->quick,
+                        "A look in seconds: one built-in scene, few photons and kinds of trees");
+  CLI::Option* from = command
+                          ->add_option("--from", options->from,
+                                       "Measures nothing: takes the rows of these study.csv files")
+                          ->type_name("FILE")
+                          ->excludes(quick);
+  // Both leave the plan unread; --scenes may come from the environment.
+  for (CLI::Option* option : command->get_options()) {
+    if (option == quick || option == from || option == command->get_help_ptr() ||
+        !option->get_envname().empty()) {
+      continue;
+    }
+    option->excludes(quick)->excludes(from);
+  }
   command
       ->add_option("--output", options->output,
                    "Folder for study.csv, summary.csv, summary.txt and the charts")

@@ -1,5 +1,6 @@
 #include "client/study/study.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -91,7 +92,7 @@ class SceneStudy {
       auto photons = TraceLightPhotons(intersector, count, seed);
       if (!photons.ok()) return photons.status();
       std::vector<Trees> trees = {{Choice(count), kLightLeafSize}};
-      if (count == plan_.light_photons.front()) {
+      if (count == *std::min_element(plan_.light_photons.begin(), plan_.light_photons.end())) {
         for (const std::uint32_t leaf_size : plan_.leaf_sizes) {
           if (leaf_size != kLightLeafSize) trees.push_back({VariantChoice::kCurve, leaf_size});
         }
