@@ -6,6 +6,7 @@ python3-matplotlib. `treelight study` runs this.
 """
 import collections
 import csv
+import math
 import sys
 
 try:
@@ -81,10 +82,12 @@ def table1(summary, folder):
     scenes = unique(scene for scene, _ in rows)
     if not scenes:
         return
+    measured = [variant for variant in OURS if any((scene, variant) in rows for scene in scenes)]
+    bars = [(name, None) for name in PAPER] + [(None, variant) for variant in measured]
+    colors = dict(zip([*PAPER, *OURS], ["#c9c9c9", "#8c8c8c", "#9ecae1", "#1f77b4", "#08306b"]))
     figure, panels = pyplot.subplots(1, 2, figsize=(11, 4.4))
     for panel, field, column, title in (
             (panels[0], "sah_percent", 0, "SAH cost"), (panels[1], "exact_speed", 1, "Search speed")):
-        bars = [(name, None) for name in PAPER] + [(None, variant) for variant in OURS]
         width = 0.8 / len(bars)
         for i, (paper, variant) in enumerate(bars):
             places = [s + (i - (len(bars) - 1) / 2) * width for s in range(len(scenes))]
@@ -93,12 +96,13 @@ def table1(summary, folder):
                 errors, name = None, "paper: " + paper
             else:
                 found = [rows.get((scene, variant)) for scene in scenes]
-                values = [float(r[field]) if r else 0 for r in found]
+                values = [float(r[field]) if r else math.nan for r in found]
                 errors = [half_width(r, field) if r else 0 for r in found]
                 name = "here: " + OURS[variant]
-            style = {"color": ["#c9c9c9", "#8c8c8c", "#9ecae1", "#1f77b4", "#08306b"][i]}
-            drawn = panel.bar(places, values, width, yerr=errors, capsize=2, label=name, **style)
-            panel.bar_label(drawn, [f"{v:.0f}" for v in values], fontsize=7, padding=2)
+            drawn = panel.bar(places, values, width, yerr=errors, capsize=2, label=name,
+                              color=colors[paper or variant])
+            panel.bar_label(drawn, ["" if math.isnan(v) else f"{v:.0f}" for v in values], fontsize=7,
+                            padding=2)
         panel.axhline(100, color="black", linewidth=0.8)
         panel.set_xticks(range(len(scenes)),
                          [s if s not in STANDS_IN else f"{s} (for {STANDS_IN[s]})" for s in scenes])
@@ -167,6 +171,7 @@ def build_times(summary, all_rows, folder):
             panel.plot(x, y, "o", markersize=4, color="#1f77b4")
             panel.annotate(variant, (x, y), fontsize=6, xytext=(3, 2), textcoords="offset points")
         panel.set_xscale("log")
+        panel.margins(x=0.25)  # for the names
         panel.axhline(100, color="black", linewidth=0.8)
         panel.set_xlabel("time of the build, ms")
         panel.set_ylabel("speed of searches for the 50 nearest, percent of the baseline")
