@@ -155,12 +155,7 @@ absl::Status Measure(const Options& options, const GlobalOptions& global) {
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  std::error_code error;
-  std::filesystem::create_directories(options.output, error);
-  if (error) {
-    return absl::PermissionDeniedError(
-        fmt::format("{}: the folder cannot be made: {}", options.output, error.message()));
-  }
+  if (auto status = MakeFolder(options.output); !status.ok()) return status;
   std::vector<std::string> csv_paths = options.from;
   if (csv_paths.empty()) {
     if (auto status = Measure(options, global); !status.ok()) return status;

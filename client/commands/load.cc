@@ -86,14 +86,6 @@ std::string InFolder(const Options& options, const char* name) {
   return (std::filesystem::path(options.output) / name).string();
 }
 
-absl::Status MakeFolder(const Options& options) {
-  std::error_code error;
-  if (!options.output.empty()) std::filesystem::create_directories(options.output, error);
-  return error ? absl::FailedPreconditionError(fmt::format("{}: the folder cannot be made: {}",
-                                                           options.output, error.message()))
-               : absl::OkStatus();
-}
-
 /// The table, and the files that were asked for.
 absl::Status Report(const std::vector<LoadRun>& runs, const Options& options) {
   fmt::print("{}", Format({.head = LoadColumns(), .rows = LoadRows(runs)}));
@@ -113,7 +105,9 @@ absl::Status Report(const std::vector<LoadRun>& runs, const Options& options) {
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  if (auto status = MakeFolder(options); !status.ok()) return status;
+  if (auto status = options.output.empty() ? absl::OkStatus() : MakeFolder(options.output);
+      !status.ok())
+    return status;
   if (!options.from.empty()) return DrawLoadCharts(options.from, options.output);
   const auto client = Connect(global);
   if (!client.ok()) return client.status();

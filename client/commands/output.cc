@@ -3,6 +3,8 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
+#include <system_error>
 
 #include "fmt/chrono.h"
 #include "fmt/format.h"
@@ -36,6 +38,13 @@ absl::Status FlushStdout() {
   errno = 0;
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return absl::OkStatus();
   return absl::ErrnoToStatus(errno != 0 ? errno : EIO, "cannot write standard output");
+}
+
+absl::Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  return error ? absl::ErrnoToStatus(error.value(), path + ": the folder cannot be made")
+               : absl::OkStatus();
 }
 
 std::string OneLine(std::string_view text) {

@@ -24,6 +24,10 @@ void Warn(std::string_view message);
 /// printed; the message says why.
 absl::Status FlushStdout();
 
+/// Makes the folder `path` where there is none, with those above it. The system's error, with the
+/// path.
+absl::Status MakeFolder(const std::string& path);
+
 /// `text` on one line: control characters become blanks.
 std::string OneLine(std::string_view text);
 
