@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "core/cpu/batch_gather.h"
-#include "core/model/power_moments.h"
 #include "core/cpu/simd/packed_search.h"
 #include "core/cpu/traverse.h"
+#include "core/model/power_moments.h"
 #include "tbb/parallel_for.h"
 
 namespace treelight {

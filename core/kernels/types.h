@@ -119,27 +119,27 @@ TREELIGHT_SHARED kKernelConstant = 0u;
 TREELIGHT_SHARED kKernelCone = 1u;
 TREELIGHT_SHARED kKernelEpanechnikov = 2u;
 
-/** Moments of the powers of some photons about the middle of their box, of each channel: sum of power,
- * of power * offset (3), of power * offset^2; an offset is divided by the sum of the box's three
- * sides. 64 bytes. */
+/** Moments of the powers of some photons about the middle of their box, of each channel: sum of
+ * power, of power * offset (3), of power * offset^2; an offset is divided by the sum of the box's
+ * three sides. 64 bytes. */
 typedef struct PowerMoments {
   float channels[3][5]; /**< W */
-  float absolute;       /**< sum of the magnitudes of the powers, of the channel where it is largest */
+  float absolute; /**< sum of the magnitudes of the powers, of the channel where it is largest */
 } PowerMoments;
 
 /** Arguments of the gather kernels that are the same for all queries of a launch. */
 typedef struct GatherParams {
   Root root;
-  uint first, count;   /**< queries of this launch, in the order of work */
-  uint k;              /**< neighbours kept, 0: no cap */
-  float radius;        /**< scene units, where there are no radii for each query */
-  uint outputs;        /**< mask of kOutput bits */
-  uint density_kernel; /**< kKernel */
-  uint has_order;      /**< queries are worked on in the order of an array */
-  uint has_radii;      /**< a radius for each query */
-  uint has_normals;    /**< a normal for each query */
-  float squared_stretch; /**< Approximation::squared_stretch */
-  uint max_leaves;       /**< Approximation::max_leaves, or as many as there can be */
+  uint first, count;          /**< queries of this launch, in the order of work */
+  uint k;                     /**< neighbours kept, 0: no cap */
+  float radius;               /**< scene units, where there are no radii for each query */
+  uint outputs;               /**< mask of kOutput bits */
+  uint density_kernel;        /**< kKernel */
+  uint has_order;             /**< queries are worked on in the order of an array */
+  uint has_radii;             /**< a radius for each query */
+  uint has_normals;           /**< a normal for each query */
+  float squared_stretch;      /**< Approximation::squared_stretch */
+  uint max_leaves;            /**< Approximation::max_leaves, or as many as there can be */
   float largest_weight_error; /**< Approximation::weight_tolerance times the largest weight */
 } GatherParams;
 
