@@ -303,9 +303,9 @@ TEST_F(ServiceAdmissionTest, AStreamThatIsNotReadHoldsASliceOrTwo) {
   options_.limits.max_slice_bytes = 1 << 20;
   options_.limits.max_part_bytes = 1 << 18;
   StartGated();
-  // 64 MB of answers, of which the client takes none.
+  // 26 MB of answers, of which the client takes none; slices of more queries than go together.
   const auto batch =
-      MakeBatch("cloud", MakePoints(8000, 2), {.k = 1000, .outputs = kOutputNeighbors});
+      MakeBatch("cloud", MakePoints(8000, 2), {.k = 400, .outputs = kOutputNeighbors});
   grpc::ClientContext context;
   const auto stream = stub_->GatherStream(&context);
   ASSERT_TRUE(stream->Write(batch));
