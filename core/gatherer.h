@@ -41,9 +41,19 @@ struct Approximation {
   /// the other kernels are lines in the squared distance. Counts stay exact. [0, 1]. 0: photon by
   /// photon.
   float weight_tolerance = 0;
+  /// Of densities: gathers from a map in which up to so many photons, 2, 4, 8 ... 64, are merged to
+  /// one (core/merged_gather.h). A Gatherer by itself has none and answers exactly. 0: none are
+  /// merged.
+  std::uint32_t merged_photons = 0;
+  /// Of densities, instead of all of the above: the largest root mean square over the batch of
+  /// |density / exact density - 1|, of the sum of the channels, that may be taken for speed; as
+  /// merged_photons, with the group size chosen by a sample of the batch. [0, 1). 0: exact.
+  float max_relative_error = 0;
 
-  /// Whether an answer may differ from the exact one.
+  /// Whether a Gatherer may give an answer that differs from the exact one, which it bounds.
   bool any() const { return epsilon > 0 || max_leaves > 0 || weight_tolerance > 0; }
+  /// Whether an answer may be gathered from merged photons.
+  bool merges() const { return merged_photons > 0 || max_relative_error > 0; }
   /// (1 + epsilon)^2, rounded down: a box whose squared distance, times this, is above that of the
   /// k-th candidate need not be entered.
   float squared_stretch() const;
@@ -94,8 +104,8 @@ struct GatherResult {
   std::vector<std::uint32_t> neighbor_ids;
   std::vector<float> neighbor_squared_distances;
   std::vector<std::uint64_t> neighbor_offsets;  ///< [m + 1] where k is 0, else empty
-  /// [3m] sum of power * kernel(d / R), R as in `radii`, W / unit^2, RGB; 0 where R is 0 or
-  /// infinite
+  /// [3m] sum of power * kernel(d / R), R as in `radii`, W / unit^2, RGB; 0 where R * R, rounded to
+  /// float, is 0 or infinite
   std::vector<float> densities;
   std::vector<std::uint32_t>
       nodes_visited;  ///< [m] inner nodes + leaves whose content was examined
@@ -108,6 +118,9 @@ struct GatherResult {
   /// photons at the k-th distance any may be there; +inf: nothing is known, mostly since less than
   /// k were found and there may be more.
   std::vector<float> error_bounds;
+  /// [m] where it was gathered from merged photons (core/merged_gather.h), else empty: 1 where the
+  /// answer is made of those, 0 where it is exact.
+  std::vector<std::uint8_t> merged;
   GatherTimes times;
 };
 

@@ -163,6 +163,24 @@ std::vector<float> OffsetMillion(std::size_t count, std::uint32_t seed) {
   });
 }
 
+/// Floats are 64 apart there: planes of a grid, with duplicates.
+std::vector<float> OffsetBillion(std::size_t count, std::uint32_t seed) {
+  return Fill(count, seed, [](Generator& random, std::size_t) {
+    std::array<float, 3> p = InCube(random);
+    for (float& c : p) c = 1e9f + 1e3f * c;
+    return p;
+  });
+}
+
+/// Half of the photons in a patch of a floor where they lie 1e5 times as dense as on the rest.
+std::vector<float> DenseCaustic(std::size_t count, std::uint32_t seed) {
+  return Fill(count, seed, [](Generator& random, std::size_t i) {
+    const float side = i % 2 == 0 ? 1.0f : 3.1622777e-3f;
+    const float x = side * Uniform(random);
+    return std::array{x, 0.0f, side * Uniform(random)};
+  });
+}
+
 std::vector<float> Denormal(std::size_t count, std::uint32_t seed) {
   return Fill(count, seed, [](Generator& random, std::size_t) {
     std::array<float, 3> p = InCube(random);
@@ -175,6 +193,16 @@ std::vector<float> Huge(std::size_t count, std::uint32_t seed) {
   return Fill(count, seed, [](Generator& random, std::size_t) {
     std::array<float, 3> p = InCube(random);
     for (float& c : p) c = (c - 0.5f) * 2e17f;
+    return p;
+  });
+}
+
+/// As far as coordinates may be.
+std::vector<float> Largest(std::size_t count, std::uint32_t seed) {
+  return Fill(count, seed, [](Generator& random, std::size_t i) {
+    std::array<float, 3> p = InCube(random);
+    for (float& c : p) c = (2 * c - 1) * kMaxCoordinate;
+    p[i % 3] = i % 2 == 0 ? kMaxCoordinate : -kMaxCoordinate;
     return p;
   });
 }
@@ -205,8 +233,11 @@ const std::vector<CloudShape>& AllClouds() {
       {"geometric_scales", GeometricScales},
       {"extreme_scales", ExtremeScales},
       {"offset_million", OffsetMillion},
+      {"offset_billion", OffsetBillion},
+      {"dense_caustic", DenseCaustic},
       {"denormal", Denormal},
       {"huge", Huge},
+      {"largest", Largest},
       {"signed_zeros", SignedZeros},
   };
   return shapes;
@@ -247,8 +278,10 @@ std::vector<float> MakeQueries(const Photons& photons, std::size_t count, std::u
         static_cast<std::size_t>(Uniform(random) * 0.999999f * static_cast<float>(photons.size()));
     const Vec3 p = photons.position(std::min(id, photons.size() - 1));
     const float reach = i % 4 == 0 ? 0.0f : i % 4 == 3 ? 2 * extent : 1e-3f * extent;
-    return std::array{p.x + reach * Uniform(random, -1, 1), p.y + reach * Uniform(random, -1, 1),
-                      p.z + reach * Uniform(random, -1, 1)};
+    std::array query{p.x + reach * Uniform(random, -1, 1), p.y + reach * Uniform(random, -1, 1),
+                     p.z + reach * Uniform(random, -1, 1)};
+    for (float& c : query) c = std::clamp(c, -kMaxCoordinate, kMaxCoordinate);
+    return query;
   });
 }
 

@@ -16,7 +16,8 @@ struct CloudShape {
   std::vector<float> (*make)(std::size_t count, std::uint32_t seed);  ///< positions [3 * count]
 };
 
-/// All shapes: uniform, surfaces with caustics, duplicates, flat, collinear, far apart, tiny, huge.
+/// All shapes: uniform, surfaces with caustics, duplicates, flat, collinear, far apart, far off,
+/// caustics 1e5 times as dense as the rest, tiny, huge, as far as coordinates may be.
 const std::vector<CloudShape>& AllClouds();
 
 /// The shape of that name; aborts where there is none.

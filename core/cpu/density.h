@@ -17,13 +17,14 @@ namespace treelight {
 class DensitySum {
  public:
   /// @param normal  3 numbers, or null: photons are not judged by their direction
-  /// @param radius  of the gather, scene units; where it is 0 or infinite the density is 0
+  /// @param radius  of the gather, scene units; where its square, as float32 has it, is 0 or
+  ///   infinite the density is 0
   DensitySum(const Photons& photons, const float* normal, DensityKernel kernel, float radius)
       : photons_(photons),
         normal_(normal),
         kernel_(kernel),
         squared_radius_(double{radius} * radius),
-        is_empty_(!(radius > 0) || std::isinf(radius)) {}
+        is_empty_(!(radius * radius > 0) || std::isinf(radius * radius)) {}
 
   void Add(float squared_distance, std::uint32_t id) {
     if (is_empty_ || (normal_ != nullptr && !Faces(id))) return;

@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <limits>
 #include <optional>
 #include <string>
@@ -17,6 +16,7 @@
 #include "client/bench/workloads.h"
 #include "fmt/format.h"
 #include "tbb/task_arena.h"
+#include "tests/cpu_seconds.h"
 #include "tests/peers/peer.h"
 #include "tests/peers/treelight_peer.h"
 
@@ -37,12 +37,6 @@ struct SearchKind {
   std::string name;
   Search search;
 };
-
-double CpuSeconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 template <typename Work>
 double Time(const Work& work) {
