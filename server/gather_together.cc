@@ -65,6 +65,7 @@ absl::StatusOr<std::vector<GatherResult>> GatherTogether(const Gatherer& map,
                      .nodes_visited = part(all->nodes_visited, 1),
                      .distance_tests = part(all->distance_tests, 1),
                      .error_bounds = part(all->error_bounds, 1),
+                     .merged = part(all->merged, 1),
                      .times = all->times});
     first += batch.size();
   }
