@@ -328,6 +328,14 @@ TEST_F(JudgeTest, ListsAreTheNearest) {
   EXPECT_EQ(List({0, 1}, {1, 4.1f}), "query 0: squared distance 1 is 4.1, expected 4");
   EXPECT_EQ(List({0, 2}, {1, 4}), "query 0: neighbour 1 is 2, which is not as near");
   EXPECT_EQ(List({0, 9}, {1, 4}), "query 0: neighbour 1 is 9, which is not as near");
+  const Photons twins{.positions = {1, 0, 0, 1, 0, 0}, .powers = {}, .directions = {}};
+  const Judge judge(twins, {0, 0, 0}, /*max_k=*/2, /*max_radius=*/1);
+  GatherResult found;
+  found.counts = {2};
+  found.neighbor_ids = {1, 1};
+  found.neighbor_squared_distances = {1, 1};
+  EXPECT_EQ(judge.WhatIsWrong({.k = 2, .outputs = kOutputCount | kOutputNeighbors}, found, places_),
+            "query 0: neighbour 1 is there twice");
 }
 
 TEST_F(JudgeTest, DensitiesAreTheSumsOfTheKernel) {

@@ -15,7 +15,9 @@
 namespace treelight {
 namespace {
 
-constexpr double kRounding = 1e-6;         // of a squared distance in float, relative
+constexpr double kRounding = 1e-6;  // of a squared distance in float, relative
+// Of a squared distance in float whose squares are no normal numbers, absolute.
+constexpr double kUnderflow = std::numeric_limits<float>::min();
 constexpr double kDensityRounding = 1e-4;  // relative
 
 /// The weight of a photon at squared distance d2, before it is divided by pi R^2.
@@ -48,7 +50,9 @@ std::vector<Judge::Photon> Judge::FindNearest(const float* query, std::uint32_t 
     return a.squared_distance < b.squared_distance;
   };
   const double within =
-      std::isinf(max_radius) ? 0 : double{max_radius} * max_radius * (1 + 2 * kRounding);
+      std::isinf(max_radius)
+          ? 0
+          : double{max_radius} * max_radius * (1 + 2 * kRounding) + 2 * kUnderflow;
   double bound = std::numeric_limits<double>::infinity();
   std::vector<Photon> kept;
   std::size_t room = 2 * std::size_t{max_k} + 1;
@@ -96,15 +100,19 @@ std::string Judge::JudgeCount(std::size_t check, const GatherOptions& search,
                               std::uint32_t count) const {
   const double squared_radius = double{search.radius} * search.radius;
   const std::uint32_t cap = search.k > 0 ? search.k : std::numeric_limits<std::uint32_t>::max();
-  const std::uint32_t least = std::min(cap, Count(check, squared_radius * (1 - kRounding))),
-                      most = std::min(cap, Count(check, squared_radius * (1 + kRounding)));
+  const std::uint32_t least = std::min(cap,
+                                       Count(check, squared_radius * (1 - kRounding) - kUnderflow)),
+                      most = std::min(cap,
+                                      Count(check, squared_radius * (1 + kRounding) + kUnderflow));
   if (count >= least && count <= most) return {};
   return fmt::format("{} photons, expected {} to {}", count, least, most);
 }
 
 std::string Judge::JudgeList(std::size_t check, std::span<const std::uint32_t> ids,
                              std::span<const float> squared_distances) const {
-  const auto differ = [](double a, double b) { return !(std::fabs(a - b) <= kRounding * b); };
+  const auto differ = [](double a, double b) {
+    return !(std::fabs(a - b) <= kRounding * b + kUnderflow);
+  };
   for (std::size_t i = 0; i < ids.size(); ++i) {
     const double expected = truth_[check][i].squared_distance;
     if (differ(squared_distances[i], expected)) {
@@ -116,6 +124,10 @@ std::string Judge::JudgeList(std::size_t check, std::span<const std::uint32_t> i
       return fmt::format("neighbour {} is {}, which is not as near", i, ids[i]);
     }
   }
+  std::vector<std::uint32_t> sorted(ids.begin(), ids.end());
+  std::sort(sorted.begin(), sorted.end());
+  const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+  if (twice != sorted.end()) return fmt::format("neighbour {} is there twice", *twice);
   return {};
 }
 

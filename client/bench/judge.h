@@ -28,7 +28,8 @@ class Judge {
 
   /// What is wrong with the answers to a batch, counts, neighbours and densities where they are
   /// there; empty: nothing. A distance may be off by the rounding of float, and so may a count at
-  /// the very radius; a density by 1e-4 of itself. Lists are judged together with their counts.
+  /// the very radius; no photon may be in a list twice; a density by 1e-4 of itself. Lists are
+  /// judged together with their counts.
   /// @param places  [m] which query of the batch is query i of the judge
   std::string WhatIsWrong(const GatherOptions& search, const GatherResult& found,
                           std::span<const std::size_t> places) const;

@@ -35,7 +35,8 @@ class FlannPeer : public Peer {
       flann::Matrix<float> distances(found.squared_distances.data(), m, search.k);
       index_->knnSearch(points, id_matrix, distances, search.k, params);
       std::copy(ids.begin(), ids.end(), found.ids.begin());
-      std::fill_n(found.counts.begin(), m, search.k);
+      const std::size_t most = std::min<std::size_t>(search.k, index_->size());
+      std::fill_n(found.counts.begin(), m, static_cast<std::uint32_t>(most));
       return;
     }
     params.max_neighbors = static_cast<int>(search.k);  // 0: counts only

@@ -1,7 +1,6 @@
 #include "tests/peers/treelight_peer.h"
 
-#include <cstdio>
-#include <cstdlib>
+#include <stdexcept>
 #include <utility>
 
 namespace treelight {
@@ -9,10 +8,7 @@ namespace {
 
 template <typename T>
 T Checked(absl::StatusOr<T> result) {
-  if (!result.ok()) {
-    std::fprintf(stderr, "peers: treelight: %s\n", result.status().ToString().c_str());
-    std::exit(1);
-  }
+  if (!result.ok()) throw std::runtime_error(std::string(result.status().message()));
   return *std::move(result);
 }
 
