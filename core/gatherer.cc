@@ -1,6 +1,7 @@
 #include "core/gatherer.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <string_view>
@@ -71,7 +72,38 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
   return absl::OkStatus();
 }
 
+/// Of what may be gathered from merged photons.
+absl::Status CheckMerges(const GatherOptions& options) {
+  const Approximation& approximation = options.approximation;
+  const float error = approximation.max_relative_error;
+  const std::uint32_t merged = approximation.merged_photons;
+  if (!(error >= 0 && error < 1)) {
+    return absl::InvalidArgumentError(
+        fmt::format("approximation.max_relative_error is {}, it must be in [0, 1)", error));
+  }
+  if (merged != 0 && (merged < 2 || merged > kMaxMergedPhotons || !std::has_single_bit(merged))) {
+    return absl::InvalidArgumentError(
+        fmt::format("approximation.merged_photons is {}, it must be 0 or a power of two in [2, {}]",
+                    merged, kMaxMergedPhotons));
+  }
+  if (!approximation.merges()) return absl::OkStatus();
+  const std::string asked = error > 0 ? fmt::format("approximation.max_relative_error is {}", error)
+                                      : fmt::format("approximation.merged_photons is {}", merged);
+  if (approximation.any() || (error > 0 && merged > 0)) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}, which goes with no other field of approximation", asked));
+  }
+  constexpr std::uint32_t kMergedOutputs = kOutputCount | kOutputRadius | kOutputDensity;
+  if ((options.outputs & kOutputDensity) == 0 || (options.outputs & ~kMergedOutputs) != 0) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}, but outputs is {}: it is for DENSITY, with COUNT and RADIUS beside it",
+                    asked, options.outputs));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckApproximation(const GatherOptions& options, bool has_normals) {
+  if (auto status = CheckMerges(options); !status.ok()) return status;
   const Approximation& approximation = options.approximation;
   if (!(approximation.epsilon >= 0) || std::isinf(approximation.epsilon)) {
     return absl::InvalidArgumentError(fmt::format(

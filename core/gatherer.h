@@ -26,6 +26,9 @@ enum class DensityKernel : std::uint32_t {
   kEpanechnikov = kKernelEpanechnikov,  ///< 2 (1 - d^2/R^2) / (pi R^2)
 };
 
+/// Most photons that are merged to one.
+inline constexpr std::uint32_t kMaxMergedPhotons = 64;
+
 /// What an answer may give up for speed. Zeros: nothing, the answer is exact.
 struct Approximation {
   /// (1 + epsilon)-nearest neighbours (Arya et al. 1998), where k > 0: each distance that is
