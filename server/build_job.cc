@@ -37,7 +37,8 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
   if (!slot.ok()) return slot.status();
   slot_ = *std::move(slot);
   const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
-  const std::uint64_t work_bytes = state_.builder->WorkBytes(plan_.options, plan_.photon_count);
+  std::uint64_t work_bytes = state_.builder->WorkBytes(plan_.options, plan_.photon_count);
+  if (plan_.automatic) work_bytes += state_.chooser.WorkBytes(*plan_.automatic);
   const std::uint64_t all_bytes = photon_bytes + work_bytes + map_bytes;
   auto memory = WithEviction(state_, all_bytes, HostRoom(state_), [&] {
     return state_.memory.Take(Holder::kUploads, all_bytes, what, retry_delay);
@@ -105,6 +106,7 @@ absl::Status BuildJob::Build(const PhotonSource& photons) {
                 .version = 0,
                 .request_id = plan_.request_id,
                 .options = plan_.options,
+                .choice = std::move(choice_),
                 .gatherer = *std::move(gatherer),
                 .created = std::chrono::system_clock::now(),
                 .expires = {},
@@ -140,6 +142,19 @@ absl::Status BuildJob::Write() {
   return absl::OkStatus();
 }
 
+/// Settles the options that are left to the server.
+absl::Status BuildJob::Choose() {
+  if (!plan_.automatic) return absl::OkStatus();
+  const Stopwatch watch;
+  auto choice = state_.chooser.Choose(photons_, *plan_.automatic, plan_.options, call_.cancelled());
+  if (!choice.ok()) return choice.status();
+  plan_.options = choice->options;
+  choice_ = std::move(choice->reason);
+  record_.choice = choice_;
+  record_.stages.push_back({"choose", watch.microseconds()});
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource& photons) {
   const Stopwatch reading;
   auto read = photons();
@@ -147,11 +162,13 @@ absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource&
   photons_ = *std::move(read);
   v1::Timings& timings = record_.timings;
   timings.set_download_us(reading.microseconds());
+  if (auto status = Choose(); !status.ok()) return status;
   auto gatherer = WithEviction(state_, MapBytes(plan_), kAnyBytes, [&] {
     return state_.builder->Build(photons_, plan_.options, call_.cancelled());
   });
   if (!gatherer.ok()) return gatherer.status();
-  record_.stages = (*gatherer)->report().stages;
+  const auto& stages = (*gatherer)->report().stages;
+  record_.stages.insert(record_.stages.end(), stages.begin(), stages.end());
   for (const StageTime& stage : record_.stages) {
     if (stage.stage == "upload") {
       timings.set_upload_us(timings.upload_us() + stage.microseconds);

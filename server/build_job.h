@@ -49,6 +49,7 @@ class BuildJob {
  private:
   DeviceAsk Ask() const;
   absl::Status Build(const PhotonSource& photons);
+  absl::Status Choose();
   absl::StatusOr<std::unique_ptr<Gatherer>> BuildMap(const PhotonSource& photons);
   void Keep(const std::function<void(const absl::Status&)>& done);
   absl::Status Write();
@@ -61,6 +62,7 @@ class BuildJob {
   const Stopwatch watch_;
   RequestRecord record_;
   BuildPlan plan_;
+  std::string choice_;     // why the options were chosen, where they were
   MapHandle known_;        // what an earlier call with the same request id has built
   BuildSlots::Slot slot_;  // from Admit on
   MemoryBudget::Share photon_memory_;

@@ -111,11 +111,14 @@ absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const 
   if (!time_to_live.ok()) return time_to_live.status();
   const auto options = ParseBuildOptions(header.options());
   if (!options.ok()) return options.status();
+  const auto automatic = ParseAutoBuild(header.options());
+  if (!automatic.ok()) return automatic.status();
   return BuildPlan{.name = header.name(),
                    .photon_count = header.photon_count(),
                    .has_powers = header.has_powers(),
                    .has_directions = header.has_directions(),
                    .options = *options,
+                   .automatic = *automatic,
                    .time_to_live = *time_to_live,
                    .request_id = header.request_id()};
 }
@@ -131,11 +134,14 @@ absl::StatusOr<BuildPlan> ParseRebuild(const v1::RebuildPhotonMapRequest& reques
   if (!time_to_live.ok()) return time_to_live.status();
   const auto options = ParseBuildOptions(request.options());
   if (!options.ok()) return options.status();
+  const auto automatic = ParseAutoBuild(request.options());
+  if (!automatic.ok()) return automatic.status();
   return BuildPlan{.name = request.new_name().empty() ? source.name : request.new_name(),
                    .photon_count = source.gatherer->photon_count(),
                    .has_powers = source.gatherer->has_powers(),
                    .has_directions = source.gatherer->has_directions(),
                    .options = *options,
+                   .automatic = *automatic,
                    .time_to_live = *time_to_live,
                    .request_id = request.request_id()};
 }
@@ -181,6 +187,7 @@ v1::PhotonMap ToWire(const StoredMap& map) {
   *wire.mutable_options() = ToWire(map.options, report);
   *wire.mutable_statistics() = ToWire(report, map.options.builder);
   wire.set_builder(report.builder);
+  wire.set_choice(map.choice);
   for (const StageTime& stage : report.stages) {
     v1::StageTime& time = *wire.add_build_stages();
     time.set_stage(stage.stage);

@@ -3,11 +3,13 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/build_chooser.h"
 #include "core/builder.h"
 #include "core/gatherer.h"
 #include "server/map_store.h"
@@ -35,7 +37,8 @@ struct BuildPlan {
   std::uint64_t photon_count = 0;  ///< at least 1
   bool has_powers = false;
   bool has_directions = false;
-  BuildOptions options;
+  BuildOptions options;                      ///< of `automatic`, the largest until they are chosen
+  std::optional<AutoBuild> automatic{};      ///< what is left to BuildChooser
   std::chrono::milliseconds time_to_live{};  ///< 0: for ever
   std::string request_id;                    ///< or empty
 };

@@ -31,6 +31,7 @@ struct StoredMap {
   std::uint64_t version = 0;  ///< 0: the store gives one
   std::string request_id;     ///< of the call that built it, or empty
   BuildOptions options;
+  std::string choice{};  ///< BuildChoice::reason, where the options were chosen here
   std::unique_ptr<const Gatherer> gatherer;
   /// `gatherer` itself, where it can leave the device and come back; else null.
   const ReloadableMap* reloadable = nullptr;

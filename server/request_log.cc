@@ -80,6 +80,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   if (record.device_us) json["device_us"] = Rounded(*record.device_us);
   Set(json, "launch_batches", record.launch_batches);
   if (record.options) json["options"] = FormatMessage(*record.options);
+  if (!record.choice.empty()) json["choice"] = record.choice;
   if (record.tree) json["tree"] = FormatMessage(*record.tree);
   for (const StageTime& stage : record.stages) {
     json["stages_us"][stage.stage] = Rounded(stage.microseconds);

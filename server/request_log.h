@@ -46,6 +46,7 @@ struct RequestRecord {
   std::optional<std::uint64_t> launch_batches;
   /// Of a build: as asked for; once there is a map, as used.
   std::optional<v1::BuildOptions> options;
+  std::string choice;                      ///< why the server chose them, where it did
   std::optional<v1::TreeStatistics> tree;  ///< that was built
   std::vector<StageTime> stages;           ///< of a build
   std::optional<std::uint64_t>

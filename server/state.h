@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/build_chooser.h"
 #include "core/builder.h"
 #include "server/active_calls.h"
 #include "server/build_slots.h"
@@ -69,6 +70,7 @@ struct State {
 
   const ServerOptions options;
   const std::unique_ptr<Builder> builder;  ///< used on the device queue's thread
+  BuildChooser chooser{*builder};          ///< likewise
   const std::unique_ptr<RequestLog> log;
   const std::unique_ptr<Tokens> tokens;  ///< null: everybody may call
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();

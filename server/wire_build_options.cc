@@ -20,6 +20,7 @@ absl::StatusOr<BuilderKind> ParseBuilder(v1::BuilderKind builder) {
       return BuilderKind::kLbvh;
     case v1::BUILDER_KIND_TREELET:
       return BuilderKind::kTreelet;
+    case v1::BUILDER_KIND_AUTO:  // until it is chosen
     case v1::BUILDER_KIND_HYBRID:
       return BuilderKind::kHybrid;
     case v1::BUILDER_KIND_TRBVH:
@@ -120,11 +121,26 @@ absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire) {
   if (wire.treelet_size() != 0) options.treelet_size = wire.treelet_size();
   if (wire.rounds() != 0) options.rounds = wire.rounds();
   if (wire.subtree_size() != 0) options.subtree_size = wire.subtree_size();
+  const auto automatic = ParseAutoBuild(wire);
+  if (!automatic.ok()) return automatic.status();
+  if (*automatic) options = LargestBuild(**automatic, options);
   if (const absl::Status status = CheckBuildOptions(options); !status.ok()) {
     return absl::InvalidArgumentError(
         fmt::format("options.{}, or 0 for the default", std::string(status.message())));
   }
   return options;
+}
+
+absl::StatusOr<std::optional<AutoBuild>> ParseAutoBuild(const v1::BuildOptions& wire) {
+  if (wire.builder() != v1::BUILDER_KIND_AUTO) return std::nullopt;
+  AutoBuild automatic{.expected_gathers = wire.expected_gathers(),
+                      .max_leaf_size = wire.max_leaf_size()};
+  if (wire.has_expected_k()) automatic.expected_k = wire.expected_k();
+  if (wire.morton_bits() != 0) automatic.morton_bits = static_cast<MortonBits>(wire.morton_bits());
+  if (automatic.expected_k <= kMaxNeighbors) return automatic;
+  return absl::InvalidArgumentError(
+      fmt::format("options.expected_k is {}, it must be in [0, {}], 0 for gathers within a radius",
+                  automatic.expected_k, kMaxNeighbors));
 }
 
 v1::BuildOptions ToWire(const BuildOptions& options, const BuildReport& report) {

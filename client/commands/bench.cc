@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/bench/charts.h"
+#include "client/bench/choice_check.h"
 #include "client/bench/remote_builder.h"
 #include "client/build_names.h"
 #include "client/commands/check.h"
@@ -31,7 +32,7 @@ struct Options {
   BenchPlan plan;
   bool queries_given = false, threads_given = false;
   std::uint32_t fresh_seeds = 1;
-  bool local = false, quick = false, charts = true;
+  bool local = false, quick = false, charts = true, choices = false;
   DeviceOptions device;
   std::string output = "bench";
   std::vector<std::string> from;
@@ -154,8 +155,36 @@ absl::Status Measure(const Options& options, const GlobalOptions& global) {
   return status;
 }
 
+/// What --builder auto takes, beside the best of what it may take.
+absl::Status MeasureChoices(const Options& options) {
+  auto device = OpenLocal(options.device);
+  if (!device.ok()) return device.status();
+  auto file = OutputFile::Create((std::filesystem::path(options.output) / "choices.csv").string());
+  if (!file.ok()) return file.status();
+  if (auto status = file->Write(ChoiceCsvHeader()); !status.ok()) return status;
+  const BenchPlan plan = CompletePlan(options, *device);
+  ChoicePlan choices{.sets = plan.sets,
+                     .photons = plan.photons,
+                     .queries = plan.queries,
+                     .repetitions = plan.repetitions,
+                     .seeds = plan.fresh_seeds};
+  choices.seeds.insert(choices.seeds.begin(), plan.seed);
+  std::vector<ChoiceRow> rows;
+  absl::Status status = CheckChoices(
+      *device->builder, choices,
+      [&](const ChoiceRow& row) {
+        rows.push_back(row);
+        return file->Write(ChoiceCsvLine(row));
+      },
+      [](const std::string& line) { fmt::print(stderr, "{}\n", line); });
+  status.Update(file->Commit());
+  fmt::print("{}\n{}\n{}", device->info.name, device->machine, ChoiceTable(rows));
+  return status;
+}
+
 absl::Status Run(const Options& options, const GlobalOptions& global) {
   if (auto status = MakeFolder(options.output); !status.ok()) return status;
+  if (options.choices) return MeasureChoices(options);
   std::vector<std::string> csv_paths = options.from;
   if (csv_paths.empty()) {
     if (auto status = Measure(options, global); !status.ok()) return status;
@@ -242,6 +271,15 @@ void AddBenchCommand(CLI::App& app, GlobalOptions& global) {
   for (const char* other : {"--sets", "--photons", "--detail-photons", "--builders", "--leaf-sizes",
                             "--k", "--queries", "--repetitions"}) {
     command->get_option("--quick")->excludes(command->get_option(other));
+  }
+  command
+      ->add_flag(
+          "--choices", options->choices,
+          "With --local: what --builder auto takes instead, beside the best that it may take, "
+          "for 1e3 to 1e9 gathers; writes choices.csv")
+      ->needs(command->get_option("--local"));
+  for (const char* other : {"--detail-photons", "--builders", "--leaf-sizes", "--k", "--threads"}) {
+    command->get_option("--choices")->excludes(command->get_option(other));
   }
   command
       ->add_option("--from", options->from,

@@ -1,5 +1,6 @@
 #include "client/commands/build_options.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -10,6 +11,8 @@
 
 namespace treelight::client {
 namespace {
+
+constexpr char kAuto[] = "auto";
 
 /// Adds the option `name` for a number of `options`, set by `set`.
 void AddNumber(CLI::App& command, const std::string& name, BuildChoice& choice,
@@ -22,11 +25,50 @@ void AddNumber(CLI::App& command, const std::string& name, BuildChoice& choice,
       ->check(CLI::Range(min, max));
 }
 
+/// CLI::ValidationError: an option is given that `builder` does not read.
+void CheckRead(const std::string& builder, const v1::BuildOptions& options) {
+  struct Reading {
+    bool given;
+    const char* option;
+    std::vector<std::string> readers;
+  };
+  const std::vector<std::string> treelets = {"treelet", "trbvh", "atrbvh"};
+  const std::vector<std::string> sweeps = HeuristicNames();
+  const auto with = [](std::vector<std::string> names, const std::vector<std::string>& more) {
+    names.insert(names.end(), more.begin(), more.end());
+    return names;
+  };
+  const auto by_cost = with(with({"hybrid", kAuto}, treelets), sweeps);
+  const std::vector<Reading> readings = {
+      {options.heuristic() != v1::HEURISTIC_UNSPECIFIED, "--heuristic", by_cost},
+      {options.leaf_term() != v1::LEAF_TERM_UNSPECIFIED, "--leaf-term",
+       with(by_cost, {"balanced"})},
+      {options.treelet_size() > 0, "--treelet-size", treelets},
+      {options.rounds() > 0, "--rounds", treelets},
+      {options.subtree_size() > 0, "--subtree-size", {"hybrid"}},
+      {options.morton_bits() > 0, "--morton-bits",
+       with({"", "lbvh", "karras", "hybrid", kAuto}, treelets)},
+      {options.expected_gathers() > 0, "--expected-gathers", {kAuto}},
+      {options.has_expected_k(), "--expected-k", {kAuto}}};
+  for (const auto& [given, option, readers] : readings) {
+    if (!given || std::ranges::find(readers, builder) != readers.end()) continue;
+    throw CLI::ValidationError(
+        option, builder.empty() ? fmt::format("say --builder too: {}", fmt::join(readers, ", "))
+                                : fmt::format("{} does not read it; these do: {}", builder,
+                                              fmt::join(readers, ", ")));
+  }
+}
+
 }  // namespace
 
 v1::BuildOptions BuildChoice::Options() const {
+  CheckRead(builder, options);
   v1::BuildOptions chosen = options;
   if (builder.empty()) return chosen;
+  if (builder == kAuto) {
+    chosen.set_builder(v1::BUILDER_KIND_AUTO);
+    return chosen;
+  }
   SetBuilder(builder, chosen);
   if (options.heuristic() != v1::HEURISTIC_UNSPECIFIED &&
       options.heuristic() != chosen.heuristic()) {
@@ -37,12 +79,15 @@ v1::BuildOptions BuildChoice::Options() const {
 }
 
 void AddBuildOptions(CLI::App& command, BuildChoice& choice) {
+  std::vector<std::string> names = BuilderNames();
+  names.insert(names.begin(), kAuto);
   command
       .add_option("--builder", choice.builder,
-                  fmt::format("{}; the last three are sweeps by a heuristic (default: the "
-                              "server's, lbvh)",
-                              fmt::join(BuilderNames(), ", ")))
-      ->check(CLI::IsMember(BuilderNames()))
+                  fmt::format("{}; the last three are sweeps by a heuristic. auto: lbvh or hybrid, "
+                              "whichever takes less time for the build and the expected gathers on "
+                              "the server's device (default: the server's, lbvh)",
+                              fmt::join(names, ", ")))
+      ->check(CLI::IsMember(names))
       ->type_name("NAME");
   command
       .add_option_function<std::string>(
@@ -85,6 +130,12 @@ void AddBuildOptions(CLI::App& command, BuildChoice& choice) {
           [&choice](const std::uint32_t& bits) { choice.options.set_morton_bits(bits); },
           "Bits of the Morton codes (default: the server's, 30)")
       ->check(CLI::IsMember({30, 63}));
+  command.add_option_function<std::uint64_t>(
+      "--expected-gathers",
+      [&choice](const std::uint64_t& count) { choice.options.set_expected_gathers(count); },
+      "Gathers that auto chooses for (default: as many as there are photons)");
+  AddNumber(command, "--expected-k", choice, &Options::set_expected_k, 0, 4096,
+            "Their k, 0: all within a radius (default: 50)");
   AddNumber(command, "--seed", choice, &Options::set_seed, 0, ~std::uint32_t{0},
             "Of the photons that the radius is sampled at");
 }

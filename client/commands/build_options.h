@@ -12,17 +12,17 @@ namespace treelight::client {
 
 /// What a command line says of how a tree is built; zeros: the server's defaults.
 struct BuildChoice {
-  std::string builder;  ///< as SetBuilder takes it; empty: the server's default
+  std::string builder;  ///< as SetBuilder takes it, or "auto"; empty: the server's default
   v1::BuildOptions options;
 
   /// `options` with the builder. CLI::ValidationError: --builder names a heuristic, and --heuristic
-  /// another one.
+  /// another one, or an option is given that the builder does not read.
   v1::BuildOptions Options() const;
 };
 
 /// Adds --builder, --heuristic, --leaf-term, --treelet-size, --rounds, --leaf-size, --radius,
-/// --subtree-size, --morton-bits and --seed to `command`. They are parsed to `choice`, which must
-/// outlive the parsing.
+/// --subtree-size, --morton-bits, --expected-gathers, --expected-k and --seed to `command`. They
+/// are parsed to `choice`, which must outlive the parsing.
 void AddBuildOptions(CLI::App& command, BuildChoice& choice);
 
 /// What a command line says of how long a map lives, and of a build that is asked for again.

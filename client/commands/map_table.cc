@@ -33,7 +33,7 @@ std::string FormatStages(const v1::PhotonMap& map) {
 
 std::string FormatMap(const v1::PhotonMap& map) {
   const v1::TreeStatistics& tree = map.statistics();
-  const Table table{
+  Table table{
       .head = {},
       .rows = {
           {"map", fmt::format("{}@{}", map.name(), map.version())},
@@ -50,6 +50,7 @@ std::string FormatMap(const v1::PhotonMap& map) {
                tree.node_count(), tree.leaf_count(), tree.leaf_fill(), tree.depth(),
                tree.mean_leaf_depth(), tree.sah_cost()) +
                (tree.isa_cost() > 0 ? fmt::format(", isa {:.2f}", tree.isa_cost()) : "")}}};
+  if (!map.choice().empty()) table.rows.push_back({"chosen", map.choice()});
   std::string text = Format(table);
   if (map.build_stages().empty()) return text;
   text.push_back('\n');
