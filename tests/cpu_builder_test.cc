@@ -1,11 +1,13 @@
 #include "core/cpu/cpu_builder.h"
 
+#include <atomic>
 #include <limits>
 #include <numeric>
 #include <random>
 
 #include "gtest/gtest.h"
 #include "tbb/global_control.h"
+#include "tbb/task_arena.h"
 #include "tests/answers.h"
 #include "tests/clouds.h"
 #include "tests/tree_kinds.h"
@@ -153,6 +155,24 @@ double Visits(const Photons& photons, const BuildOptions& options) {
   const auto answer = BuildMap(photons, options)
                           ->Gather({.positions = queries}, {.k = 50, .outputs = kOutputStatistics});
   return std::accumulate(answer->nodes_visited.begin(), answer->nodes_visited.end(), 0.0);
+}
+
+/// A check is asked while the tree is built, and one that says so once ends the build there.
+TEST_P(EveryTreeKind, ABuildStopsWhereItIsCancelled) {
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 40'000, /*seed=*/7);
+  std::atomic<int> asked = 0;
+  const auto build = [&](int last) {
+    asked = 0;
+    return MakeCpuBuilder()->Build(photons, GetParam().options, [&] { return ++asked == last; });
+  };
+  ASSERT_TRUE(build(0).ok());
+  const int all = asked;
+  EXPECT_GE(all, 10);
+  for (const int last : {1, 2, all / 4, all / 2, all - 1}) {
+    EXPECT_EQ(build(last).status().code(), absl::StatusCode::kCancelled) << last << " of " << all;
+    // Others may be asking.
+    EXPECT_LE(asked, last + tbb::this_task_arena::max_concurrency()) << last << " of " << all;
+  }
 }
 
 TEST(CpuBuilderTest, BetterTreesVisitFewerNodes) {

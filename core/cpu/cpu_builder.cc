@@ -20,50 +20,56 @@ namespace {
 using Positions = std::vector<float>;
 
 LooseTree BuildSweep(const Positions& positions, const BuildOptions& options,
-                     const Measure& measure) {
-  SweepSplitter splitter(positions, measure, options.max_leaf_size, options.leaf_term);
+                     const Measure& measure, const Cancellation& cancellation) {
+  SweepSplitter splitter(positions, measure, options.max_leaf_size, options.leaf_term,
+                         cancellation);
   const PhotonRange all{0, static_cast<std::uint32_t>(positions.size() / 3), 0};
   std::vector<std::uint32_t> ids(all.count());
   for (std::uint32_t i = 0; i < all.count(); ++i) ids[i] = i;
   splitter.Begin(all, ids);
-  return TopDown(options.max_leaf_size, splitter).Build(all);
+  return TopDown(options.max_leaf_size, splitter, cancellation).Build(all);
 }
 
 LooseTree BuildHybrid(const Positions& positions, const BuildOptions& options,
-                      const Measure& measure) {
-  LbvhSplitter lbvh(positions, options.morton_bits, MortonLayout::kCubic, options.subtree_size);
+                      const Measure& measure, const Cancellation& cancellation) {
+  LbvhSplitter lbvh(positions, options.morton_bits, MortonLayout::kCubic, options.subtree_size,
+                    cancellation);
   HybridSplitter splitter(lbvh, positions, measure, options.max_leaf_size, options.leaf_term,
                           options.subtree_size);
-  return TopDown(options.max_leaf_size, splitter).Build(splitter.Root());
+  return TopDown(options.max_leaf_size, splitter, cancellation).Build(splitter.Root());
 }
 
-LooseTree BuildBalanced(const Positions& positions, const BuildOptions& options) {
+LooseTree BuildBalanced(const Positions& positions, const BuildOptions& options,
+                        const Cancellation& cancellation) {
   MedianSplitter splitter(positions, options.max_leaf_size, options.leaf_term);
-  return TopDown(options.max_leaf_size, splitter)
+  return TopDown(options.max_leaf_size, splitter, cancellation)
       .Build({0, static_cast<std::uint32_t>(positions.size() / 3), 0});
 }
 
-LooseTree BuildSlidingMidpoint(const Positions& positions, const BuildOptions& options) {
+LooseTree BuildSlidingMidpoint(const Positions& positions, const BuildOptions& options,
+                               const Cancellation& cancellation) {
   SlidingMidpointSplitter splitter(positions, options.max_leaf_size);
-  return TopDown(options.max_leaf_size, splitter)
+  return TopDown(options.max_leaf_size, splitter, cancellation)
       .Build(splitter.Root(static_cast<std::uint32_t>(positions.size() / 3)));
 }
 
 LooseTree BuildTreelets(const Positions& positions, const BuildOptions& options,
-                        const Measure& measure) {
+                        const Measure& measure, const Cancellation& cancellation) {
   LooseTree tree = BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
-                             TreeletInputLeafSize(options));
+                             TreeletInputLeafSize(options), cancellation);
+  if (cancellation.stopped()) return tree;
   RestructureTreelets(tree, {measure, options.leaf_term, options.max_leaf_size},
-                      TreeletOptionsOf(options));
+                      TreeletOptionsOf(options), cancellation);
   return tree;
 }
 
 /// A tree for a few searches: quickly made, with large leaves.
-Tree SampleTree(const std::vector<float>& positions) {
+Tree SampleTree(const std::vector<float>& positions, const Cancellation& cancellation) {
   constexpr std::uint32_t kLeafSize = 1024;
   if (positions.empty()) return {};
-  return Arrange(BuildLbvh(positions, MortonBits::k30, MortonLayout::kCubic, kLeafSize),
-                 TreeKind::kKdTree, kLeafSize);
+  const LooseTree loose =
+      BuildLbvh(positions, MortonBits::k30, MortonLayout::kCubic, kLeafSize, cancellation);
+  return cancellation.stopped() ? Tree() : Arrange(loose, TreeKind::kKdTree, kLeafSize);
 }
 
 class CpuBuilder : public Builder {
@@ -117,38 +123,42 @@ std::uint64_t CpuBuildBytes(const BuildOptions& options, std::uint64_t photon_co
   return photon_count * (kPhotonBytes + 2 * sizeof(Node) / options.max_leaf_size);
 }
 
-Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius) {
+Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius,
+                  const Cancellation& cancellation) {
   const auto build = [&]() -> LooseTree {
     if (positions.empty()) return {};
     const auto measure = [&] { return Measure(options.heuristic, BoundsOf(positions), radius); };
     switch (options.builder) {
       case BuilderKind::kLbvh:
         return BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
-                         options.max_leaf_size);
+                         options.max_leaf_size, cancellation);
       case BuilderKind::kTreelet:
       case BuilderKind::kTrbvh:
       case BuilderKind::kAtrbvh:
-        return BuildTreelets(positions, options, measure());
+        return BuildTreelets(positions, options, measure(), cancellation);
       case BuilderKind::kHybrid:
-        return BuildHybrid(positions, options, measure());
+        return BuildHybrid(positions, options, measure(), cancellation);
       case BuilderKind::kBalanced:
-        return BuildBalanced(positions, options);
+        return BuildBalanced(positions, options, cancellation);
       case BuilderKind::kSlidingMidpoint:
-        return BuildSlidingMidpoint(positions, options);
+        return BuildSlidingMidpoint(positions, options, cancellation);
       case BuilderKind::kSweep:
-        return BuildSweep(positions, options, measure());
+        return BuildSweep(positions, options, measure(), cancellation);
       case BuilderKind::kKarras:
         return BuildLbvh(positions, options.morton_bits, MortonLayout::kPerAxis,
-                         options.max_leaf_size);
+                         options.max_leaf_size, cancellation);
     }
     return {};
   };
-  return Arrange(build(), KindOfTree(options.builder), options.max_leaf_size);
+  const LooseTree loose = build();
+  if (cancellation.Ask()) return {};
+  return Arrange(loose, KindOfTree(options.builder), options.max_leaf_size);
 }
 
 absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& positions,
                                                      const BuildOptions& options,
                                                      const CancelCheck& cancelled) {
+  const Cancellation cancellation(cancelled);
   MeasuredCpuTree built;
   built.radius = options.radius;
   auto start = std::chrono::steady_clock::now();
@@ -158,13 +168,13 @@ absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& p
     start = now;
   };
   if (options.radius == 0 && NeedsRadius(options)) {
-    built.radius = SampleGatherRadius(SampleTree(positions), positions, options.seed);
+    built.radius = SampleGatherRadius(SampleTree(positions, cancellation), positions, options.seed);
     mark("radius");
   }
-  if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
-  built.tree = BuildCpuTree(positions, options, built.radius);
+  if (cancellation.Ask()) return absl::CancelledError("build cancelled");
+  built.tree = BuildCpuTree(positions, options, built.radius, cancellation);
   mark("tree");
-  if (cancelled && cancelled()) return absl::CancelledError("build cancelled");
+  if (cancellation.Ask()) return absl::CancelledError("build cancelled");
   return built;
 }
 

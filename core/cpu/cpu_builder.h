@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/builder.h"
+#include "core/cpu/cancellation.h"
 #include "core/cpu/treelet.h"
 
 namespace treelight {
@@ -21,9 +22,10 @@ TreeletOptions TreeletOptionsOf(const BuildOptions& options);
 /// Whether the builder of `options` takes a gather radius.
 bool NeedsRadius(const BuildOptions& options);
 
-/// The tree of `options` over checked photons [3n].
+/// The tree of `options` over checked photons [3n]; an empty one where it was cancelled.
 /// @param radius  gather radius of isa and vvh, scene units
-Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius);
+Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius,
+                  const Cancellation& cancellation = kNotCancelled);
 
 /// Host memory that BuildMeasuredCpuTree takes for so many photons, with the tree, bytes, a little
 /// more rather than less.
@@ -36,7 +38,7 @@ struct MeasuredCpuTree {
 };
 
 /// The same with a radius sampled where one is needed (gather_radius.h). CANCELLED: `cancelled`
-/// said so, asked before and after the tree is built.
+/// said so, which is asked between passes over the photons and at each subtree of thousands.
 absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& positions,
                                                      const BuildOptions& options,
                                                      const CancelCheck& cancelled);

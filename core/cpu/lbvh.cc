@@ -47,11 +47,13 @@ MortonGrid PowerOfTwoGrid(const Box& box) {
 }  // namespace
 
 LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
-                           MortonLayout layout, std::uint32_t max_leaf_size)
+                           MortonLayout layout, std::uint32_t max_leaf_size,
+                           const Cancellation& cancellation)
     : positions_(positions),
       layout_(layout),
       max_leaf_size_(max_leaf_size),
       code_bits_(static_cast<std::uint32_t>(bits)),
+      cancellation_(cancellation),
       ids_(positions.size() / 3),
       codes_(positions.size() / 3) {
   std::iota(ids_.begin(), ids_.end(), 0u);
@@ -95,7 +97,7 @@ void LbvhSplitter::SortBy(const PhotonRange& range, const MortonGrid& grid,
   });
   const auto code = [](const CodedPhoton& photon) { return photon.code; };
   if (range.count() > kTaskPhotons) {
-    RadixSort(photons, spare, 3 * bits_per_axis, code);
+    RadixSort(photons, spare, 3 * bits_per_axis, code, cancellation_);
   } else {
     std::stable_sort(photons.begin(), photons.end(),
                      [](const CodedPhoton& a, const CodedPhoton& b) { return a.code < b.code; });
@@ -151,9 +153,9 @@ std::pair<LbvhSplitter::Range, LbvhSplitter::Range> LbvhSplitter::Split(const Ra
 }
 
 LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
-                    std::uint32_t max_leaf_size) {
-  LbvhSplitter splitter(positions, bits, layout, max_leaf_size);
-  return TopDown(max_leaf_size, splitter).Build(splitter.Root());
+                    std::uint32_t max_leaf_size, const Cancellation& cancellation) {
+  LbvhSplitter splitter(positions, bits, layout, max_leaf_size, cancellation);
+  return TopDown(max_leaf_size, splitter, cancellation).Build(splitter.Root());
 }
 
 }  // namespace treelight

@@ -28,7 +28,7 @@ class LbvhSplitter {
   };
 
   LbvhSplitter(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
-               std::uint32_t max_leaf_size);
+               std::uint32_t max_leaf_size, const Cancellation& cancellation = kNotCancelled);
 
   Range Root() const;
 
@@ -57,13 +57,14 @@ class LbvhSplitter {
   const MortonLayout layout_;
   const std::uint32_t max_leaf_size_;
   const std::uint32_t code_bits_;
+  const Cancellation& cancellation_;
   std::vector<std::uint32_t> ids_;    ///< [n] photon at each place
   std::vector<std::uint64_t> codes_;  ///< [n] code at each place, in the grid of its run
 };
 
-/// The whole tree.
+/// The whole tree; of one that was cancelled parts, as TopDown leaves them.
 LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
-                    std::uint32_t max_leaf_size);
+                    std::uint32_t max_leaf_size, const Cancellation& cancellation = kNotCancelled);
 
 }  // namespace treelight
 

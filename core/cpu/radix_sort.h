@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/cpu/cancellation.h"
 #include "tbb/parallel_for.h"
 #include "tbb/task_arena.h"
 
@@ -14,11 +15,12 @@ namespace treelight {
 
 /// Sorts `items` by the lowest `bits` bits of `key(item)`, an unsigned number; items of equal keys
 /// stay in their order. Least significant digit first; each pass counts and moves parts of the
-/// items in parallel.
+/// items in parallel. Cancelled between passes, it leaves all items, in another order.
 /// @param items  a std::vector of plain values
 /// @param spare  of any size; used as the other half of the memory
 template <typename Items, typename Key>
-void RadixSort(Items& items, Items& spare, unsigned bits, const Key& key) {
+void RadixSort(Items& items, Items& spare, unsigned bits, const Key& key,
+               const Cancellation& cancellation = kNotCancelled) {
   using Item = typename Items::value_type;
   constexpr unsigned kMaxDigitBits = 11;
   constexpr std::size_t kMinPart = 1 << 14;
@@ -31,7 +33,7 @@ void RadixSort(Items& items, Items& spare, unsigned bits, const Key& key) {
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
   const std::size_t parts = std::clamp<std::size_t>(items.size() / kMinPart, 1, threads);
   std::vector<Counts> places(parts);
-  for (unsigned shift = 0; shift < bits; shift += digit_bits) {
+  for (unsigned shift = 0; shift < bits && !cancellation.Ask(); shift += digit_bits) {
     const auto digit = [&](const Item& item) {
       return static_cast<std::uint32_t>(key(item) >> shift) & (digits - 1);
     };

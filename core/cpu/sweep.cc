@@ -34,11 +34,13 @@ void ForEachAxis(std::uint32_t count, const Work& work) {
 }  // namespace
 
 SweepSplitter::SweepSplitter(const std::vector<float>& positions, const Measure& measure,
-                             std::uint32_t max_leaf_size, LeafTerm leaf_term)
+                             std::uint32_t max_leaf_size, LeafTerm leaf_term,
+                             const Cancellation& cancellation)
     : measure_(measure),
       max_leaf_size_(max_leaf_size),
       leaf_term_(leaf_term),
-      positions_(positions) {}
+      positions_(positions),
+      cancellation_(cancellation) {}
 
 void SweepSplitter::Begin(const Range& range, std::span<const std::uint32_t> ids) {
   first_ = range.first;
@@ -67,7 +69,8 @@ void SweepSplitter::SortAxis(int axis) {
   }
   if (n > kTaskPhotons) {
     std::vector<std::uint64_t> other;
-    RadixSort(places, other, 32, [](std::uint64_t place) { return place >> 32; });
+    RadixSort(
+        places, other, 32, [](std::uint64_t place) { return place >> 32; }, cancellation_);
   } else {
     std::sort(places.begin(), places.end());
   }

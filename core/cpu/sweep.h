@@ -29,7 +29,8 @@ class SweepSplitter {
   using Range = PhotonRange;
 
   SweepSplitter(const std::vector<float>& positions, const Measure& measure,
-                std::uint32_t max_leaf_size, LeafTerm leaf_term);
+                std::uint32_t max_leaf_size, LeafTerm leaf_term,
+                const Cancellation& cancellation = kNotCancelled);
 
   /// Lets `ids` be the photons of the range and sorts them on each axis. Before the first Split;
   /// what was begun before is forgotten.
@@ -61,6 +62,7 @@ class SweepSplitter {
   const std::uint32_t max_leaf_size_;
   const LeafTerm leaf_term_;
   const std::vector<float>& positions_;
+  const Cancellation& cancellation_;
   std::vector<float> units_;  ///< T(n)
   std::uint32_t first_ = 0;   ///< place where the range that was begun begins
   /// Its n photons. In all that follows their numbers are places in this array.

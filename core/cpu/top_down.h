@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/cpu/cancellation.h"
 #include "core/cpu/loose_tree.h"
 #include "tbb/parallel_invoke.h"
 
@@ -69,10 +70,13 @@ class TopDown {
  public:
   using Range = typename Splitter::Range;
 
-  TopDown(std::uint32_t max_leaf_size, Splitter& splitter)
-      : max_leaf_size_(max_leaf_size), splitter_(splitter) {}
+  /// Asks `cancellation` before each range that is worth a task is split.
+  TopDown(std::uint32_t max_leaf_size, Splitter& splitter,
+          const Cancellation& cancellation = kNotCancelled)
+      : max_leaf_size_(max_leaf_size), splitter_(splitter), cancellation_(cancellation) {}
 
-  /// Builds the tree over all photons, `root` being all of them.
+  /// Builds the tree over all photons, `root` being all of them. Of one that was cancelled there
+  /// are parts, which nobody may look at.
   LooseTree Build(const Range& root) {
     if (root.count() == 0) return {};
     tree_.photons.resize(root.count());
@@ -85,6 +89,7 @@ class TopDown {
  private:
   Subtree BuildSubtree(const Range& range) {
     if (range.count() <= max_leaf_size_) return BuildLeaf(range);
+    if (range.count() > kTaskPhotons && cancellation_.Ask()) return {};
     const std::pair<Range, Range> parts = splitter_.Split(range);
     Subtree left, right;
     if (range.count() > kTaskPhotons) {
@@ -106,6 +111,7 @@ class TopDown {
 
   const std::uint32_t max_leaf_size_;
   Splitter& splitter_;
+  const Cancellation& cancellation_;
   LooseTree tree_;
   std::atomic<std::uint32_t> node_count_ = 0;
 };

@@ -38,13 +38,14 @@ std::unique_ptr<TreeletSearch> MakeSearch(TreeletMethod method, const TreeletCos
 
 class Restructurer {
  public:
-  Restructurer(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options)
-      : tree_(tree), cost_(cost), options_(options), workshops_([=] {
+  Restructurer(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options,
+               const Cancellation& cancellation)
+      : tree_(tree), cost_(cost), options_(options), cancellation_(cancellation), workshops_([=] {
           return Workshop{MakeSearch(options.method, cost), {}, {}};
         }) {}
 
   void Run() {
-    for (round_ = 0; round_ < options_.rounds; ++round_) {
+    for (round_ = 0; round_ < options_.rounds && !cancellation_.stopped(); ++round_) {
       tree_.root = Visit(tree_.root, 0);
     }
   }
@@ -56,6 +57,7 @@ class Restructurer {
       subtree.cost = cost_.MayMerge(subtree.count) ? cost_.Leaf(subtree.box, subtree.count) : 0.0f;
       return subtree;
     }
+    if (subtree.count > kTaskPhotons && cancellation_.Ask()) return subtree;
     Subtree& left = tree_.nodes[subtree.link][0];
     Subtree& right = tree_.nodes[subtree.link][1];
     if (subtree.count > kTaskPhotons) {
@@ -168,15 +170,17 @@ class Restructurer {
   LooseTree& tree_;
   const TreeletCost cost_;
   const TreeletOptions options_;
+  const Cancellation& cancellation_;
   std::uint32_t round_ = 0;
   tbb::enumerable_thread_specific<Workshop> workshops_;
 };
 
 }  // namespace
 
-void RestructureTreelets(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options) {
+void RestructureTreelets(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options,
+                         const Cancellation& cancellation) {
   if (tree.photons.empty() || tree.root.is_leaf()) return;
-  Restructurer(tree, cost, options).Run();
+  Restructurer(tree, cost, options, cancellation).Run();
 }
 
 }  // namespace treelight

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/cpu/cancellation.h"
 #include "core/cpu/loose_tree.h"
 #include "core/cpu/treelet_search.h"
 
@@ -38,7 +39,11 @@ inline constexpr float kTreeletGain = 0x1p-20f;
 /// visit half a percent fewer nodes. With the leaf term merging is undone where another topology is
 /// cheaper: a merged subtree keeps its nodes, treelets grow into them, and only Arrange makes it a
 /// leaf; merging for good gains half as much.
-void RestructureTreelets(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options);
+///
+/// Asks `cancellation` at each subtree that is worth a task; of a tree whose restructuring was
+/// cancelled some subtrees are as they were.
+void RestructureTreelets(LooseTree& tree, const TreeletCost& cost, const TreeletOptions& options,
+                         const Cancellation& cancellation = kNotCancelled);
 
 }  // namespace treelight
 
