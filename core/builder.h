@@ -127,7 +127,9 @@ struct DeviceInfo {
 std::vector<DeviceInfo> ListDevices();
 
 struct DeviceOptions {
-  std::string device;  ///< empty: the first one; else an index, or part of a name, case ignored
+  /// Empty: the first one; else an index, or part of a name, case ignored; or several of them,
+  /// separated by commas, GPUs that are equally fast.
+  std::string device;
   std::string
       cache_directory;  ///< compiled kernels; empty: $XDG_CACHE_HOME or ~/.cache, then "treelight"
 };
@@ -135,10 +137,12 @@ struct DeviceOptions {
 /// A builder on a device: MakeCpuBuilder on kNativePlatform, else one of OpenCL, its kernels
 /// compiled; trees that an OpenCL device has no stage for are built on the CPU and copied. All give
 /// the same trees and the same answers, bit for bit. NOT_FOUND: no such device; the message lists
-/// those there are.
+/// those there are. INVALID_ARGUMENT: of several one is named twice, or is no GPU. On several, see
+/// MakeReplicatedBuilder.
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options = {});
 
-/// The device that a MakeDeviceBuilder with the same options takes.
+/// The device that a MakeDeviceBuilder with the same options takes. Of several the index of the
+/// first, all names, and the memory of the one that has the least.
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options = {});
 
 /// All kinds of trees on the CPU, by TBB in the arena of the caller: the same tree for any number

@@ -29,7 +29,7 @@ class FloorMeter {
   virtual absl::StatusOr<Floors> Measure(std::size_t count) = 0;
 };
 
-/// On the device that a MakeDeviceBuilder with the same options takes, and its errors.
+/// On the (first) device that a MakeDeviceBuilder with the same options takes, and its errors.
 absl::StatusOr<std::unique_ptr<FloorMeter>> MakeFloorMeter(const DeviceOptions& options = {});
 
 }  // namespace treelight

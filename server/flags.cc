@@ -118,7 +118,9 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
                    : fmt::format("'{}' are no permissions in octal, 0660 say", text);
       });
   Add(app, "--device", flags.device.device,
-      "Device, by index or part of its name; the first GPU, else the CPU");
+      "Device, by index or part of its name, or several GPUs, 0,1 say: maps lie on all of them, "
+      "large batches are "
+      "split; the first GPU, else the CPU");
   Add(app, "--cache-dir", flags.device.cache_directory, "Folder of compiled kernels");
   Limits& limits = server.limits;
   Add(app, "--max-photons", limits.max_photons, "Photons in one map")

@@ -128,6 +128,7 @@ int Main(int argc, const char* const* argv) {
     return Fail(device.status(), flags.device.device.empty() ? kExitFailure : kExitWrongUsage);
   flags.server.devices = ListDevices();
   flags.server.device_index = device->index;
+  flags.server.devices[device->index] = *device;  // of several: all their names, the least memory
   auto builder = MakeDeviceBuilder(flags.device);
   if (!builder.ok()) return Fail(builder.status(), kExitFailure);
   if (device->platform != kNativePlatform) {  // which has no kernels to compile

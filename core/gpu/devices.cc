@@ -12,12 +12,14 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
+#include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "core/cpu/cpu_floors.h"
 #include "core/cpu/simd/packed_search.h"
 #include "core/device/guard.h"
 #include "core/gpu/gpu_builder.h"
 #include "core/gpu/gpu_floors.h"
+#include "core/replicated_builder.h"
 #include "fmt/format.h"
 
 namespace treelight {
@@ -85,6 +87,33 @@ absl::StatusOr<FoundDevice> Choose(std::vector<FoundDevice> devices, const std::
       fmt::format("device \"{}\" is none of those here ({})", wanted, names));
 }
 
+/// The devices that `wanted` names, separated by commas, at least one. NOT_FOUND: one is none of
+/// those here. INVALID_ARGUMENT: of several one is named twice, or is no GPU.
+absl::StatusOr<std::vector<FoundDevice>> ChooseAll(const std::vector<FoundDevice>& devices,
+                                                   const std::string& wanted) {
+  std::vector<FoundDevice> chosen;
+  const std::vector<std::string> names = absl::StrSplit(wanted, ',');
+  for (const std::string& name : names) {
+    auto device = Choose(devices, std::string(absl::StripAsciiWhitespace(name)));
+    if (!device.ok()) return device.status();
+    const bool twice = std::ranges::any_of(
+        chosen, [&](const FoundDevice& other) { return other.info.index == device->info.index; });
+    if (twice) {
+      return absl::InvalidArgumentError(
+          fmt::format("device \"{}\": {} is named twice; say their "
+                      "indices",
+                      wanted, device->info.name));
+    }
+    chosen.push_back(*std::move(device));
+  }
+  for (const FoundDevice& device : chosen) {
+    if (chosen.size() == 1 || device.info.type == "gpu") continue;
+    return absl::InvalidArgumentError(fmt::format(
+        "device \"{}\": several devices must be GPUs, {} is none", wanted, device.info.name));
+  }
+  return chosen;
+}
+
 }  // namespace
 
 std::vector<DeviceInfo> ListDevices() {
@@ -95,27 +124,40 @@ std::vector<DeviceInfo> ListDevices() {
 
 absl::StatusOr<DeviceInfo> ChooseDevice(const DeviceOptions& options) {
   return Guard([&]() -> absl::StatusOr<DeviceInfo> {
-    auto device = Choose(FindDevices(options), options.device);
-    if (!device.ok()) return device.status();
-    return std::move(device->info);
+    const auto devices = ChooseAll(FindDevices(options), options.device);
+    if (!devices.ok()) return devices.status();
+    DeviceInfo chosen = devices->front().info;
+    for (std::size_t i = 1; i < devices->size(); ++i) {
+      const DeviceInfo& other = (*devices)[i].info;
+      chosen.name += " + " + other.name;
+      chosen.memory_bytes = std::min(chosen.memory_bytes, other.memory_bytes);
+      chosen.max_buffer_bytes = std::min(chosen.max_buffer_bytes, other.max_buffer_bytes);
+    }
+    return chosen;
   });
 }
 
 absl::StatusOr<std::unique_ptr<Builder>> MakeDeviceBuilder(const DeviceOptions& options) {
   return Guard([&]() -> absl::StatusOr<std::unique_ptr<Builder>> {
-    const auto device = Choose(FindDevices(options), options.device);
-    if (!device.ok()) return device.status();
-    if (!device->open_cl) return MakeCpuBuilder(device->info.name);
-    return MakeGpuBuilder(OpenGpu(*device->open_cl, options));
+    const auto devices = ChooseAll(FindDevices(options), options.device);
+    if (!devices.ok()) return devices.status();
+    if (!devices->front().open_cl) return MakeCpuBuilder(devices->front().info.name);
+    std::vector<std::unique_ptr<Builder>> builders;
+    for (const FoundDevice& device : *devices) {
+      builders.push_back(MakeGpuBuilder(OpenGpu(*device.open_cl, options)));
+    }
+    return builders.size() == 1 ? std::move(builders.front())
+                                : MakeReplicatedBuilder(std::move(builders));
   });
 }
 
 absl::StatusOr<std::unique_ptr<FloorMeter>> MakeFloorMeter(const DeviceOptions& options) {
   return Guard([&]() -> absl::StatusOr<std::unique_ptr<FloorMeter>> {
-    const auto device = Choose(FindDevices(options), options.device);
-    if (!device.ok()) return device.status();
-    if (!device->open_cl) return MakeCpuFloorMeter();
-    return MakeGpuFloorMeter(OpenGpu(*device->open_cl, options));
+    const auto devices = ChooseAll(FindDevices(options), options.device);
+    if (!devices.ok()) return devices.status();
+    const FoundDevice& first = devices->front();
+    if (!first.open_cl) return MakeCpuFloorMeter();
+    return MakeGpuFloorMeter(OpenGpu(*first.open_cl, options));
   });
 }
 
