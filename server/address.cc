@@ -7,10 +7,8 @@
 #include "fmt/format.h"
 
 namespace treelight::server {
-namespace {
 
-/// The host of "host:port", without brackets.
-std::string Host(std::string_view listen) {
+std::string HostOf(std::string_view listen) {
   std::string_view host = listen.substr(0, listen.rfind(':'));
   if (host.size() >= 2 && host.front() == '[' && host.back() == ']') {
     host = host.substr(1, host.size() - 2);
@@ -18,7 +16,12 @@ std::string Host(std::string_view listen) {
   return std::string(host);
 }
 
-}  // namespace
+int PortOf(std::string_view listen) {
+  int port = 0;
+  const std::string_view digits = listen.substr(listen.rfind(':') + 1);
+  std::from_chars(digits.data(), digits.data() + digits.size(), port);
+  return port;
+}
 
 absl::Status CheckAddress(std::string_view listen) {
   const auto wrong = [&](std::string_view why) {
@@ -45,7 +48,7 @@ absl::Status CheckAddress(std::string_view listen) {
 
 bool IsLocal(std::string_view listen) {
   if (listen.starts_with("unix:")) return true;
-  const std::string host = Host(listen);
+  const std::string host = HostOf(listen);
   if (host == "localhost" || host == "::1") return true;
   in_addr address{};
   return inet_pton(AF_INET, host.c_str(), &address) == 1 && (ntohl(address.s_addr) >> 24) == 127;

@@ -15,6 +15,12 @@ absl::Status CheckAddress(std::string_view listen);
 /// Whether only this machine can reach `listen`: a Unix socket, localhost, 127.0.0.0/8, [::1].
 bool IsLocal(std::string_view listen);
 
+/// The host of "host:port", without brackets.
+std::string HostOf(std::string_view listen);
+
+/// The port of "host:port" that CheckAddress took.
+int PortOf(std::string_view listen);
+
 /// `listen` with the port that was bound; a Unix socket stays as it is.
 std::string WithPort(std::string_view listen, int port);
 

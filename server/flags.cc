@@ -133,10 +133,17 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
   Add(app, "--build-slots", server.build_slots, "Builds that may be open, uploads included")
       ->check(CheckCount);
   Add(app, "--max-calls", server.max_calls, "Calls that may be open at once")->check(CheckCount);
+  Add(app, "--max-connections", server.max_connections,
+      "Connections that may be open at once; further ones are closed")
+      ->check(CheckCount);
   Add(app, "--memory-limit", server.memory_limit,
       "Bytes of host memory for uploads, messages, answers, and maps on a CPU; units as 4GiB; "
       "0: half of what the machine or its control group has")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(CLI::AsSizeValue(false))
+      ->check([](const std::string& text) {
+        return text.starts_with('-') ? fmt::format("'{}' is less than nothing", text)
+                                     : std::string();
+      });
   Add(app, "--stall-seconds", seconds.stall,
       "Time that a client may stand still in an upload or an answer")
       ->check([](const std::string& text) { return CheckSeconds(text, 0.001); });
@@ -178,7 +185,9 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
   token->add_option("NAME", token_name, "Name of the client in the request log")->required();
   token->fallthrough();
   CLI::App* const fsck = app.add_subcommand(
-      "fsck", "Check the maps in --data-dir; exit code 1 where one is damaged; changes nothing");
+      "fsck",
+      "Check the maps in --data-dir; exit code 1 where one is damaged or cannot be read; changes "
+      "nothing");
   fsck->fallthrough();
   app.require_subcommand(0, 1);
   const char* config = std::getenv("TREELIGHT_CONFIG");

@@ -20,6 +20,11 @@ std::chrono::milliseconds Grain(std::int64_t changed_ns) {
   return changed_ns % 1'000'000'000 == 0 ? kSeconds : kTicks;
 }
 
+/// Whether TakeUp has told why it cannot load a file, and nothing but another file mends that.
+bool IsLeftAlone(const absl::StatusOr<MapHandle>& taken) {
+  return absl::IsUnimplemented(taken.status()) || absl::IsPermissionDenied(taken.status());
+}
+
 }  // namespace
 
 FolderMirror::Transit::Transit(FolderMirror& mirror,
@@ -42,7 +47,7 @@ absl::Status FolderMirror::Begin(const std::vector<SnapshotFolder::File>& files)
   for (const SnapshotFolder::File& file : files) {
     const auto taken = TakeUp(state_, file);
     if (absl::IsInternal(taken.status())) return taken.status();
-    known_[file.name] = {.id = file.id, .left_alone = absl::IsUnimplemented(taken.status())};
+    known_[file.name] = {.id = file.id, .left_alone = IsLeftAlone(taken)};
   }
   return absl::OkStatus();
 }
@@ -114,7 +119,7 @@ absl::Status FolderMirror::Compare() {
       stored.erase(map);
       if (kept) continue;
     }
-    known[entry.name].left_alone = absl::IsUnimplemented(TakeUp(state_, file).status());
+    known[entry.name].left_alone = IsLeftAlone(TakeUp(state_, file));
   }
   known_ = std::move(known);
   std::vector<MapHandle> gone;

@@ -61,7 +61,9 @@ std::vector<MetricFamily> Gauges::Collect() const {
       Gauge("treelight_open_builds", "Builds from their header to their answer",
             static_cast<double>(state_.build_slots.taken())),
       Gauge("treelight_open_calls", "Calls that have not ended",
-            static_cast<double>(state_.calls.open()))};
+            static_cast<double>(state_.calls.open())),
+      Gauge("treelight_open_connections", "Connections of clients",
+            static_cast<double>(state_.connections.open()))};
   if (!state_.options.devices.empty()) {
     const DeviceInfo& device = state_.options.devices[state_.options.device_index];
     families.push_back(Gauge("treelight_device_memory_bytes", "Memory of the device",

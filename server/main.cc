@@ -19,10 +19,10 @@
 #include "grpc/support/log.h"
 #include "server/address.h"
 #include "server/flags.h"
+#include "server/folder_check.h"
 #include "server/health_check.h"
 #include "server/server.h"
 #include "server/signal_watch.h"
-#include "server/snapshot_folder.h"
 #include "server/tls.h"
 #include "server/tokens.h"
 #include "server/version.h"
@@ -72,9 +72,9 @@ int AnswerToken(const TokenRequest& request) {
 
 /// `treelightd fsck`.
 int AnswerFolderCheck(const FolderCheck& check) {
-  const auto damaged = CheckFolder(check.data_folder);
-  if (!damaged.ok()) return Fail(damaged.status(), kExitFailure);
-  return *damaged == 0 ? 0 : kExitFailure;
+  const auto unsound = CheckFolder(check.data_folder);
+  if (!unsound.ok()) return Fail(unsound.status(), kExitFailure);
+  return *unsound == 0 ? 0 : kExitFailure;
 }
 
 /// What Server::Start would refuse, before the device takes its time.

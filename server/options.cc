@@ -71,6 +71,9 @@ absl::Status CheckOptions(const ServerOptions& options) {
   if (options.max_calls == 0) {
     return absl::InvalidArgumentError("open calls are 0, there must be at least 1");
   }
+  if (options.max_connections == 0) {
+    return absl::InvalidArgumentError("open connections are 0, there must be at least 1");
+  }
   if (auto status = CheckTls(options.tls); !status.ok()) return status;
   return CheckAddresses(options);
 }

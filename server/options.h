@@ -47,6 +47,9 @@ struct ServerOptions {
   std::string token_file;        ///< hashes of the tokens of those who may call; empty: all may
   unsigned socket_mode = 0600;   ///< of a Unix socket's file: who may write may call
   std::size_t max_calls = 1024;  ///< that may be open at once, at least 1
+  /// Connections that may be open at once, at least 1; fewer where the process has no files for
+  /// them.
+  std::size_t max_connections = 4096;
   std::size_t queue_depth = 64;  ///< requests that may wait for the device, at least 1
   std::size_t build_slots = 16;  ///< builds that may be open, at least 1
   /// Host memory for photons that arrive, messages, answers, and maps of a CPU device, bytes;

@@ -1,7 +1,5 @@
 #include "server/server.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <optional>
 #include <string>
@@ -16,9 +14,11 @@
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
+#include "server/acceptor.h"
 #include "server/address.h"
 #include "server/break_switch.h"
 #include "server/file_watch.h"
+#include "server/listening_sockets.h"
 #include "server/metrics_endpoint.h"
 #include "server/persistence.h"
 #include "server/service.h"
@@ -54,8 +54,6 @@ void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
-  // Two servers must not share a port unawares.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
 }
 
 /// Takes reflection out, which joins every server by being linked: it asks nobody for a token.
@@ -72,30 +70,12 @@ void Tell(const absl::Status& status) {
   if (!status.ok()) fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
 }
 
-/// Binds the file of a Unix socket so that it never has more permissions than `mode`: gRPC knows
-/// none.
-class SocketMode {
- public:
-  SocketMode(const std::string& listen, unsigned mode)
-      : path_(SocketPath(listen)),
-        mode_(Broken("socket_mode") ? 0666 : mode),
-        umask_(path_.empty() ? 0 : umask(0777 & ~mode_)) {}
-  ~SocketMode() {
-    if (!path_.empty()) umask(umask_);
-  }
-  SocketMode(const SocketMode&) = delete;
-  SocketMode& operator=(const SocketMode&) = delete;
-
-  /// Once it is bound.
-  void Apply() const {
-    if (!path_.empty()) chmod(path_.c_str(), mode_);
-  }
-
- private:
-  const std::string path_;
-  const unsigned mode_;
-  const mode_t umask_;
-};
+/// Hands `connection` to gRPC, which closes it.
+void HandOver(grpc::experimental::ExternalConnectionAcceptor& server, FileHandle connection) {
+  grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
+  parameters.fd = connection.Release();
+  server.HandleNewConnection(&parameters);
+}
 
 }  // namespace
 
@@ -110,6 +90,8 @@ struct Server::Impl {
   int port = 0;
   std::unique_ptr<MetricsEndpoint> metrics;  // null where nobody asked for it
   std::unique_ptr<grpc::Server> server;      // its calls use the rest
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> clients;  // of `server`
+  std::optional<Acceptor> acceptor;                                         // uses `clients`
   std::optional<FileWatch> token_watch, tls_watch;
 };
 
@@ -148,23 +130,19 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   grpc::ServerBuilder server_builder;
   Configure(options, server_builder);
   if (!options.token_file.empty()) server_builder.SetOption(std::make_unique<WithoutReflection>());
-  if (!options.listen.empty()) {
-    server_builder.AddListeningPort(options.listen, MakeServerCredentials(options.tls),
-                                    &impl->port);
-  }
   server_builder.RegisterService(&impl->service);
-  {
-    const SocketMode socket_mode(options.listen, options.socket_mode);
-    impl->server = server_builder.BuildAndStart();
-    if (impl->server != nullptr) socket_mode.Apply();
+  ListeningSockets sockets;
+  if (!options.listen.empty()) {
+    auto bound = ListeningSockets::Bind(options.listen, options.socket_mode);
+    if (!bound.ok()) return bound.status();
+    sockets = *std::move(bound);
+    impl->port = sockets.port();
+    using Experimental = grpc::ServerBuilder::experimental_type;
+    impl->clients = server_builder.experimental().AddExternalConnectionAcceptor(
+        Experimental::ExternalConnectionType::FROM_FD, MakeServerCredentials(options.tls));
   }
-  const bool bound = options.listen.empty() || impl->port > 0;
-  if (impl->server == nullptr || !bound) {
-    return absl::UnavailableError(fmt::format(
-        "cannot listen on '{}': the address is taken, not this machine's, or not allowed",
-        options.listen));
-  }
-  if (options.listen.starts_with("unix:")) impl->port = 0;  // gRPC says 1 for a socket
+  impl->server = server_builder.BuildAndStart();
+  if (impl->server == nullptr) return absl::InternalError("gRPC does not start");
   impl->server->GetHealthCheckService()->SetServingStatus(v1::PhotonMapService::service_full_name(),
                                                           true);
   if (impl->state.tokens != nullptr) {
@@ -178,12 +156,21 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
     impl->tls_watch.emplace(std::move(files), kWatchInterval,
                             [tls = options.tls] { Tell(CheckTlsFiles(tls)); });
   }
+  if (impl->clients != nullptr) {
+    impl->acceptor.emplace(std::move(sockets), impl->state.connections,
+                           [&clients = *impl->clients](FileHandle connection) {
+                             HandOver(clients, std::move(connection));
+                           });
+  }
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }
 
 Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
-Server::~Server() { impl_->server->Shutdown(std::chrono::system_clock::now()); }
+Server::~Server() {
+  impl_->acceptor.reset();
+  impl_->server->Shutdown(std::chrono::system_clock::now());
+}
 
 int Server::port() const { return impl_->port; }
 
@@ -210,6 +197,7 @@ std::size_t Server::Drain(std::chrono::system_clock::time_point deadline) {
   AnnounceEnd();
   impl_->state.calls.Close();
   const std::size_t cut_off = impl_->state.calls.WaitForNone(deadline);
+  impl_->acceptor.reset();
   // Only health watchers, and what has run out of time, are open still: gRPC cancels them.
   impl_->server->Shutdown(std::chrono::system_clock::now());
   impl_->state.calls.WaitForNone(std::chrono::system_clock::time_point::max());

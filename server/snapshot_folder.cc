@@ -10,15 +10,14 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <thread>
 #include <utility>
 
 #include "fmt/format.h"
 #include "server/break_switch.h"
+#include "server/file_handle.h"
 #include "server/refusal.h"
 
 namespace treelight::server {
@@ -26,22 +25,6 @@ namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;  // ns
 constexpr std::string_view kSuffix = ".tlmap", kDamaged = ".damaged", kTemporary = ".tmp";
-
-/// An open file.
-class Handle {
- public:
-  explicit Handle(int handle) : handle_(handle) {}
-  ~Handle() {
-    if (handle_ >= 0) close(handle_);
-  }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-
-  int get() const { return handle_; }
-
- private:
-  const int handle_;
-};
 
 SnapshotBytesSource Source(int handle, std::uint64_t size) {
   return {.size = size, .read = [handle](std::uint64_t offset, std::span<char> to) {
@@ -59,7 +42,7 @@ SnapshotBytesSource Source(int handle, std::uint64_t size) {
 
 FileId IdOf(const struct stat& status) {
   return {.inode = status.st_ino,
-          .modified_ns = status.st_mtim.tv_sec * kSecond + status.st_mtim.tv_nsec,
+          .changed_ns = status.st_ctim.tv_sec * kSecond + status.st_ctim.tv_nsec,
           .bytes = static_cast<std::uint64_t>(status.st_size)};
 }
 
@@ -67,11 +50,17 @@ FileId IdOf(const struct stat& status) {
 template <typename Use>
 auto WithSource(int folder, const std::string& name, Use use)
     -> decltype(use(SnapshotBytesSource{}, FileId{})) {
-  const Handle file(openat(folder, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+  // The opening of a pipe would wait for a writer.
+  constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
+  const FileHandle file(openat(folder, name.c_str(), kFlags));
   struct stat status {};
   if (file.get() < 0 || fstat(file.get(), &status) != 0) {
     const int error = errno;
     if (error == ENOENT) return absl::NotFoundError("it is gone");
+    if (error == ELOOP) return absl::PermissionDeniedError("it is a symbolic link");
+    if (error == EACCES || error == EPERM || error == ENXIO) {
+      return absl::PermissionDeniedError(std::strerror(error));
+    }
     return absl::UnavailableError(std::strerror(error));
   }
   if (!S_ISREG(status.st_mode)) return absl::DataLossError("it is no regular file");
@@ -84,6 +73,8 @@ enum class Depth { kHead, kEveryByte };
 /// The head of a file that was found right.
 SnapshotFolder::File CheckFile(int folder, const std::string& name, Depth depth) {
   SnapshotFolder::File file{.name = name, .id = {}, .head = absl::UnknownError("not read")};
+  struct stat entry {};
+  if (fstatat(folder, name.c_str(), &entry, AT_SYMLINK_NOFOLLOW) == 0) file.id = IdOf(entry);
   file.head = WithSource(
       folder, name,
       [&](const SnapshotBytesSource& source, const FileId& id) -> absl::StatusOr<SnapshotHead> {
@@ -199,7 +190,7 @@ class NamingLock {
   }
 
  private:
-  const Handle folder_;
+  const FileHandle folder_;
 };
 
 }  // namespace
@@ -279,7 +270,8 @@ void SnapshotFolder::RemoveLeftovers() const {
   const auto names = ListNames(handle_, kTemporary);
   if (!names.ok()) return;  // CheckAll tells
   for (const std::string& name : *names) {
-    const Handle file(openat(handle_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+    const FileHandle file(
+        openat(handle_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
     if (file.get() >= 0 && flock(file.get(), LOCK_EX | LOCK_NB) == 0) {
       unlinkat(handle_, name.c_str(), 0);
     }
@@ -379,39 +371,15 @@ absl::StatusOr<Photons> SnapshotFolder::Read(std::string_view name, std::uint64_
                    return ReadSnapshotPhotons(source, *head);
                  });
   if (photons.ok() || absl::IsResourceExhausted(photons.status())) return photons;
+  const bool denied = absl::IsPermissionDenied(photons.status());  // to the server, not the client
   return absl::Status(
-      photons.status().code(),
+      denied ? absl::StatusCode::kUnavailable : photons.status().code(),
       fmt::format("'{}' of the data folder: {}", file, std::string(photons.status().message())));
 }
 
 absl::Status SnapshotFolder::Sync() const {
   if (fsync(handle_) != 0) return Failed("fsync", errno);
   return absl::OkStatus();
-}
-
-absl::StatusOr<std::size_t> CheckFolder(const std::string& path) {
-  if (!std::filesystem::is_directory(path)) {
-    return absl::NotFoundError(fmt::format("data folder '{}': there is none", path));
-  }
-  const auto folder = SnapshotFolder::Open(path);
-  if (!folder.ok()) return folder.status();
-  const auto files = (*folder)->CheckAll();
-  if (!files.ok()) return files.status();
-  std::size_t damaged = 0;
-  std::uint64_t photon_count = 0, bytes = 0;
-  for (const SnapshotFolder::File& file : *files) {
-    if (file.head.ok()) {
-      fmt::print("{}: sound, {} photons\n", file.name, file.head->map.photon_count());
-      photon_count += file.head->map.photon_count();
-      bytes += file.head->file_bytes;
-    } else {
-      ++damaged;
-      fmt::print("{}: damaged: {}\n", file.name, std::string(file.head.status().message()));
-    }
-  }
-  fmt::print("{} maps, {} photons, {} bytes; {} damaged\n", files->size() - damaged, photon_count,
-             bytes, damaged);
-  return damaged;
 }
 
 }  // namespace treelight::server

@@ -16,7 +16,7 @@ namespace treelight::server {
 /// Differs where a file was changed, or another one has its name.
 struct FileId {
   std::uint64_t inode = 0;
-  std::int64_t modified_ns = 0;
+  std::int64_t changed_ns = 0;  ///< also by chmod
   std::uint64_t bytes = 0;
 
   friend bool operator==(const FileId&, const FileId&) = default;
@@ -35,6 +35,8 @@ class SnapshotFolder {
   struct File {
     std::string name;  ///< without the folder
     FileId id;
+    /// The errors of ReadSnapshotHead. PERMISSION_DENIED: a symbolic link, or not for this user.
+    /// UNAVAILABLE: it cannot be opened at present.
     absl::StatusOr<SnapshotHead> head;
   };
   /// The last word on a snapshot that is written and has no name yet: OK, or why it shall have
@@ -109,10 +111,6 @@ class SnapshotFolder {
 
 /// "NAME@VERSION.tlmap".
 std::string SnapshotName(std::string_view name, std::uint64_t version);
-
-/// `treelightd fsck`: checks the folder and prints a line for each file on stdout. Returns how many
-/// are damaged; changes nothing. The errors of Open, and NOT_FOUND: there is no such folder.
-absl::StatusOr<std::size_t> CheckFolder(const std::string& path);
 
 }  // namespace treelight::server
 

@@ -19,6 +19,7 @@
 #include "server/map_store.h"
 #include "server/memory_budget.h"
 #include "server/metrics.h"
+#include "server/open_connections.h"
 #include "server/options.h"
 #include "server/request_log.h"
 #include "server/snapshot_folder.h"
@@ -42,6 +43,7 @@ struct State {
         tokens(std::move(caller_tokens)),
         memory(options.memory_limit > 0 ? options.memory_limit : DefaultMemoryLimit()),
         build_slots(options.build_slots),
+        connections(AffordableConnections(options.max_connections)),
         calls(options.max_calls),
         stalls(options.stall),
         device_queue(options.queue_depth) {}
@@ -81,6 +83,7 @@ struct State {
   std::unique_ptr<FolderMirror> mirror;       ///< where there are `snapshots`
   Worker disk;  // what waits for `snapshots`; the store tells it of what expires
   MapStore store;
+  OpenConnections connections;
   ActiveCalls calls;
   StallWatch stalls;
   // As many as TBB has workers; asking for more makes it write a warning to stderr, where the log

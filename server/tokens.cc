@@ -75,7 +75,8 @@ absl::Status CannotRead(const std::string& file, int error) {
 }
 
 absl::StatusOr<std::string> ReadFile(const std::string& file) {
-  const int handle = open(file.c_str(), O_RDONLY | O_CLOEXEC);
+  // The opening of a pipe would wait for a writer.
+  const int handle = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (handle < 0) return CannotRead(file, errno);
   struct stat status {};
   if (fstat(handle, &status) != 0 || !S_ISREG(status.st_mode)) {

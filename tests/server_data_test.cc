@@ -231,6 +231,17 @@ TEST_F(ServerDataTest, FsckTellsWhatIsDamagedAndChangesNothing) {
   EXPECT_EQ(damaged.Wait(), 1);
   EXPECT_THAT(damaged.out(), HasSubstr("b@1.tlmap: damaged: 5000 bytes long, 1000 photons take"));
   EXPECT_TRUE(std::filesystem::exists(maps_ + "/b@1.tlmap"));
+  std::filesystem::remove(maps_ + "/b@1.tlmap");
+  std::filesystem::create_symlink("a@1.tlmap", maps_ + "/b@1.tlmap");
+  std::filesystem::copy(maps_ + "/a@1.tlmap", maps_ + "/c@1.tlmap");
+  std::fstream(maps_ + "/c@1.tlmap", std::ios::in | std::ios::out | std::ios::binary)
+      .seekp(8)
+      .put(99);
+  Process unread({"fsck", "--data-dir", maps_});
+  EXPECT_EQ(unread.Wait(), 1);
+  EXPECT_THAT(unread.out(), HasSubstr("b@1.tlmap: not checked: it is a symbolic link\n"
+                                      "c@1.tlmap: not checked: format version 99"));
+  EXPECT_THAT(unread.out(), HasSubstr("1 maps, 1000 photons, 28144 bytes; 0 damaged, 2 not"));
   Process unnamed({"fsck"});
   EXPECT_EQ(unnamed.Wait(), 2);
 }

@@ -30,6 +30,8 @@ TEST(ServerProcessTest, AWrongCommandLineIsOneLineAndExitCode2) {
                                                     {"--config", "/nosuch"},
                                                     {"--build-slots", "0"},
                                                     {"--memory-limit", "much"},
+                                                    {"--memory-limit", "-5"},
+                                                    {"--max-connections", "0"},
                                                     {"--stall-seconds", "0"},
                                                     {"--slow-ms", "-1"},
                                                     {"--drain-delay", "-1"},
@@ -223,8 +225,8 @@ TEST(ServerProcessTest, AnAddressThatIsTakenIsOneLineAndExitCode1) {
   const std::string address = first.WaitUntilReady();
   Process second({"--listen", address});
   EXPECT_EQ(second.Wait(), 1);
-  EXPECT_EQ(second.err(), "treelightd: cannot listen on '" + address +
-                              "': the address is taken, not this machine's, or not allowed\n");
+  EXPECT_EQ(second.err(),
+            "treelightd: cannot listen on '" + address + "': Address already in use\n");
 }
 
 TEST(ServerProcessTest, ALogThatCannotBeWrittenIsOneLineAndExitCode1) {

@@ -1,3 +1,5 @@
+#include <sys/stat.h>
+
 #include <chrono>
 #include <cstring>
 #include <filesystem>
@@ -192,6 +194,26 @@ TEST_F(ServiceDataTest, AFileOfALaterProgramStaysAndItsVersionIsNotTaken) {
   EXPECT_TRUE(Maps().empty());
   EXPECT_EQ(MustBuild("cloud", MakePhotons(10, 1)).version(), 2u);
   EXPECT_EQ(Files(), (std::vector<std::string>{"cloud@1.tlmap", "cloud@2.tlmap"}));
+}
+
+TEST_F(ServiceDataTest, WhatIsNoFileIsToldOnceAndStaysOrIsSetAside) {
+  Start();
+  MustBuild("cloud", MakePhotons(10, 1));
+  stub_.reset(), server_.reset();
+  std::filesystem::create_symlink(File("cloud@1.tlmap"), File("link@1.tlmap"));
+  ASSERT_EQ(mkfifo(File("pipe@1.tlmap").c_str(), 0600), 0);
+  ::testing::internal::CaptureStderr();
+  Start();
+  // Each build changes the folder, which is then looked at again.
+  for (std::uint64_t version = 2; version < 5; ++version) {
+    EXPECT_EQ(MustBuild("cloud", MakePhotons(10, 1)).version(), version);
+    EXPECT_EQ(Maps().size(), version);
+  }
+  const std::string folder = "treelightd: data folder '" + options_.data_folder + "': ";
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(),
+            folder + "'link@1.tlmap' is not loaded: it is a symbolic link\n" + folder +
+                "'pipe@1.tlmap' is damaged: it is no regular file; set aside as "
+                "'pipe@1.tlmap.damaged'\n");
 }
 
 TEST_F(ServiceDataTest, AFileThatIsDamagedWhileTheServerRunsCostsItsMapAlone) {

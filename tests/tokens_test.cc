@@ -1,5 +1,6 @@
 #include "server/tokens.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -65,6 +66,15 @@ TEST(TokensTest, ATokenIsFoundByItsHash) {
     EXPECT_EQ((*tokens)->Authenticate(header).status().code(), absl::StatusCode::kUnauthenticated)
         << header;
   }
+}
+
+TEST(TokensTest, APipeIsNoTokenFileAndNobodyWaitsForIt) {
+  const std::string file = TemporaryFile();
+  ASSERT_EQ(mkfifo(file.c_str(), 0600), 0);
+  const auto tokens = Tokens::Open(file);
+  EXPECT_EQ(tokens.status(),
+            absl::PermissionDeniedError("token file '" + file + "' is no regular file"));
+  std::filesystem::remove(file);
 }
 
 TEST(TokensTest, MadeTokensAreNewAndFullOfRandomBits) {

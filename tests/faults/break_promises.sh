@@ -16,6 +16,7 @@ cancelled_in_queue      breakable_tests       DeviceQueueTest.AJobNobodyWaitsFor
 certificate_change      server_security_test  ServerSecurityTest.CertificatesThatChangeAreTakenUp
 checksum                treelight_faults
 client_ca               server_security_test  ServerSecurityTest.AClientCaAsksForCertificates
+connections             server_connections_test ServerConnectionsTest.MoreConnectionsThanItHasFilesForDoNotEndIt
 damaged_file            treelight_faults
 dead_names              breakable_tests       MapStoreTest.NamesWithoutMapsAreForgottenAndNoVersionIsUsedTwiceStill
 deadline                breakable_tests       ServiceAdmissionTest.AQueueThatCannotMeetTheDeadlineRefusesAtOnce

@@ -1,0 +1,42 @@
+#include "server/folder_check.h"
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+
+#include "fmt/format.h"
+#include "server/snapshot_folder.h"
+
+namespace treelight::server {
+
+absl::StatusOr<std::size_t> CheckFolder(const std::string& path) {
+  if (!std::filesystem::is_directory(path)) {
+    return absl::NotFoundError(fmt::format("data folder '{}': there is none", path));
+  }
+  const auto folder = SnapshotFolder::Open(path);
+  if (!folder.ok()) return folder.status();
+  const auto files = (*folder)->CheckAll();
+  if (!files.ok()) return files.status();
+  std::size_t sound = 0, damaged = 0;
+  std::uint64_t photon_count = 0, bytes = 0;
+  for (const SnapshotFolder::File& file : *files) {
+    if (file.head.ok()) {
+      ++sound;
+      fmt::print("{}: sound, {} photons\n", file.name, file.head->map.photon_count());
+      photon_count += file.head->map.photon_count();
+      bytes += file.head->file_bytes;
+      continue;
+    }
+    // What cannot be read may be as sound as the others.
+    const bool broken = absl::IsDataLoss(file.head.status());
+    damaged += broken ? 1 : 0;
+    fmt::print("{}: {}: {}\n", file.name, broken ? "damaged" : "not checked",
+               std::string(file.head.status().message()));
+  }
+  const std::size_t unchecked = files->size() - sound - damaged;
+  fmt::print("{} maps, {} photons, {} bytes; {} damaged, {} not checked\n", sound, photon_count,
+             bytes, damaged, unchecked);
+  return damaged + unchecked;
+}
+
+}  // namespace treelight::server
