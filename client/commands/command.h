@@ -38,6 +38,8 @@ void AddBuildCommand(CLI::App& app,
                      GlobalOptions& global);  ///< `build`: a photon file becomes a map
 void AddCompareCommand(CLI::App& app,
                        GlobalOptions& global);  ///< `compare`: how far two pictures are apart
+void AddEstimatorsCommand(
+    CLI::App& app, GlobalOptions& global);  ///< `estimators`: bias and deviation of densities
 void AddGatherCommand(CLI::App& app,
                       GlobalOptions& global);  ///< `gather`: a query file becomes answers in CSV
 void AddLoadCommand(CLI::App& app,

@@ -67,6 +67,7 @@ int Main(int argc, char** argv) {
   AddBenchCommand(app, global);
   AddBuildCommand(app, global);
   AddCompareCommand(app, global);
+  AddEstimatorsCommand(app, global);
   AddGatherCommand(app, global);
   AddLoadCommand(app, global);
   AddMapsCommand(app, global);
