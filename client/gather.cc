@@ -116,6 +116,8 @@ void AppendAnswer(GatherAnswer part, GatherAnswer& whole) {
   AddTimings(part.timings, whole.timings);
   whole.errors.inexact_count += part.errors.inexact_count;
   whole.errors.largest_bound = std::max(whole.errors.largest_bound, part.errors.largest_bound);
+  const bool is_worse = part.merge_report.measured_error() > whole.merge_report.measured_error();
+  if (is_worse || whole.result.densities.empty()) whole.merge_report = part.merge_report;
   AppendResult(std::move(part.result), whole.result);
 }
 

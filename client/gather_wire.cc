@@ -99,11 +99,13 @@ v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
   request.set_normals(Bytes(queries.normals));
   request.set_outputs(options.outputs);
   request.set_kernel(ToWire(options.kernel));
-  if (options.approximation.any()) {
+  if (options.approximation != Approximation{}) {
     v1::Approximation& approximation = *request.mutable_approximation();
     approximation.set_epsilon(options.approximation.epsilon);
     approximation.set_max_leaves(options.approximation.max_leaves);
     approximation.set_weight_tolerance(options.approximation.weight_tolerance);
+    approximation.set_merged_photons(options.approximation.merged_photons);
+    approximation.set_max_relative_error(options.approximation.max_relative_error);
   }
   return request;
 }
@@ -141,6 +143,7 @@ absl::Status AnswerAssembly::Add(const v1::GatherResponse& part) {
   answer_.errors.inexact_count += part.inexact_count();
   answer_.errors.largest_bound = std::max(answer_.errors.largest_bound, part.largest_error_bound());
   if (!complete()) return absl::OkStatus();
+  answer_.merge_report = part.merge_report();
   answer_.timings = part.timings();
   answer_.result.times = {.upload_us = part.timings().upload_us(),
                           .kernel_us = part.timings().kernel_us(),

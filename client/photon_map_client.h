@@ -66,6 +66,9 @@ struct ErrorSummary {
 struct GatherAnswer {
   GatherResult result{};  ///< with error bounds only where kOutputErrorBound was asked for
   ErrorSummary errors{};  ///< zeros of an exact answer
+  /// Of an answer that may be gathered from merged photons, else empty; of several batches, that of
+  /// the one with the largest measured error.
+  v1::MergeReport merge_report{};
   MapRef map{};
   v1::Timings timings{};  ///< as the server measured them; of several batches, the sum
 };

@@ -1,6 +1,7 @@
 #include "server/answer.h"
 
 #include <algorithm>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -32,9 +33,21 @@ std::string Slice(const std::vector<T>& array, std::size_t per_query, std::size_
   return ToWire(std::span<const T>(array).subspan(first * per_query, (last - first) * per_query));
 }
 
+/// What a part that may be gathered from merged photons tells of its errors.
+void WriteMerged(const GatherResult& result, std::size_t first, std::size_t last,
+                 v1::GatherResponse& response) {
+  if (result.merged.empty()) return;
+  const auto merged = std::span(result.merged).subspan(first, last - first);
+  const auto count = static_cast<std::uint32_t>(std::ranges::count(merged, 1));
+  response.set_approximate(true);
+  response.set_inexact_count(count);
+  if (count > 0) response.set_largest_error_bound(std::numeric_limits<float>::infinity());
+}
+
 /// What an approximate part tells of its errors.
 void WriteErrors(const GatherResult& result, const GatherOptions& options, std::size_t first,
                  std::size_t last, v1::GatherResponse& response) {
+  WriteMerged(result, first, last, response);
   if (!options.approximation.any()) return;
   const auto bounds = std::span(result.error_bounds).subspan(first, last - first);
   response.set_approximate(true);

@@ -11,6 +11,7 @@
 #include "server/break_switch.h"
 #include "server/gather_together.h"
 #include "server/guard.h"
+#include "server/merged_maps.h"
 
 namespace treelight::server {
 namespace {
@@ -247,13 +248,38 @@ absl::Status Batch::Gather() {
     if (!taken.ok()) return taken;
   }
   result_ = {};  // the last slice goes before the next comes
-  auto result = map_->gatherer->Gather(batch_.queries(slice_.first, slice_.last), batch_.options,
-                                       call_.cancelled());
+  auto result = GatherQueriesOf(slice_);
   if (!result.ok()) return result.status();
   Take(*std::move(result));
   if (lists) {
     answer_memory_.Resize(answer_memory_.bytes() + kNeighborBytes * result_.neighbor_ids.size());
   }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
+  if (batch_.options.approximation.merges() && !choice_) {
+    if (auto status = Choose(); !status.ok()) return status;
+  }
+  const GatherQueries queries = batch_.queries(slice.first, slice.last);
+  if (!choice_ || choice_->merged == nullptr) {
+    return map_->gatherer->Gather(queries, batch_.options, call_.cancelled());
+  }
+  return GatherMerged(*map_->gatherer, *choice_->merged, queries, batch_.options,
+                      call_.cancelled());
+}
+
+/// Chooses how many photons are merged, by a sample of the whole batch.
+absl::Status Batch::Choose() {
+  const auto merged = [this](std::uint32_t group_size) {
+    return MergedMapOf(state_, *map_, group_size, call_.cancelled());
+  };
+  auto choice = ChooseMerge(*map_->gatherer, merged, batch_.queries(0, batch_.size()),
+                            batch_.options, call_.cancelled());
+  if (!choice.ok()) return choice.status();
+  AddTimes(choice->times);
+  choice_ = *std::move(choice);
+  record_.merge_report = ToWire(*choice_);
   return absl::OkStatus();
 }
 
@@ -270,17 +296,17 @@ void Batch::Take(GatherResult result) {
   if (Broken("density")) {
     for (float& sum : result_.densities) sum *= 1.001f;
   }
-  AddTimes();
-}
-
-void Batch::AddTimes() {
-  v1::Timings& timings = record_.timings;
-  timings.set_upload_us(timings.upload_us() + result_.times.upload_us);
-  timings.set_kernel_us(timings.kernel_us() + result_.times.kernel_us);
-  timings.set_download_us(timings.download_us() + result_.times.download_us);
+  AddTimes(result_.times);
   if ((batch_.options.outputs & kOutputStatistics) == 0) return;
   record_.nodes_visited = record_.nodes_visited.value_or(0) + Sum(result_.nodes_visited);
   record_.distance_tests = record_.distance_tests.value_or(0) + Sum(result_.distance_tests);
+}
+
+void Batch::AddTimes(const GatherTimes& times) {
+  v1::Timings& timings = record_.timings;
+  timings.set_upload_us(timings.upload_us() + times.upload_us);
+  timings.set_kernel_us(timings.kernel_us() + times.kernel_us);
+  timings.set_download_us(timings.download_us() + times.download_us);
 }
 
 absl::Status Batch::WriteNext(v1::GatherResponse& response) {
@@ -295,6 +321,7 @@ absl::Status Batch::WriteNext(v1::GatherResponse& response) {
   response.set_version(map_->version + (Broken("other_version") ? 1 : 0));
   WritePart(result_, batch_.options, first, *last, response);
   response.set_first_query(static_cast<std::uint32_t>(next_query_));
+  if (record_.merge_report) *response.mutable_merge_report() = *record_.merge_report;
   next_query_ = slice_.first + *last;
   v1::Timings& timings = record_.timings;
   timings.set_serialise_us(timings.serialise_us() + watch.microseconds());

@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "absl/status/status.h"
 #include "core/gatherer.h"
+#include "core/merged_gather.h"
 #include "server/call.h"
 #include "server/convert.h"
 #include "server/map_store.h"
@@ -77,7 +79,9 @@ class Batch {
   void Take(GatherResult result);
   void Held(double microseconds);
   void End(const absl::Status& status);
-  void AddTimes();
+  absl::StatusOr<GatherResult> GatherQueriesOf(const Slice& slice);
+  absl::Status Choose();
+  void AddTimes(const GatherTimes& times);
   void Describe(const v1::GatherRequest& request);
 
   State& state_;
@@ -92,8 +96,10 @@ class Batch {
   GatherBatch batch_;
   std::size_t slice_size_ = 0;  // queries
   Slice slice_;                 // what result_ answers
-  Done done_;                   // of the slice that waits for the device or has it
-  double slice_us_ = 0;         // of the device, for slice_
+  // Of a batch that may be gathered from merged photons, from its first slice on.
+  std::optional<MergeChoice> choice_;
+  Done done_;            // of the slice that waits for the device or has it
+  double slice_us_ = 0;  // of the device, for slice_
   GatherResult result_;
   std::size_t next_query_ = 0;  // in no part yet
 };

@@ -167,7 +167,9 @@ absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const 
       .kernel = *kernel,
       .approximation = {.epsilon = request.approximation().epsilon(),
                         .max_leaves = request.approximation().max_leaves(),
-                        .weight_tolerance = request.approximation().weight_tolerance()}};
+                        .weight_tolerance = request.approximation().weight_tolerance(),
+                        .merged_photons = request.approximation().merged_photons(),
+                        .max_relative_error = request.approximation().max_relative_error()}};
   AppendFromWire(request.positions(), batch.positions);
   AppendFromWire(request.normals(), batch.normals);
   AppendFromWire(request.radii(), batch.radii);
@@ -197,6 +199,31 @@ v1::PhotonMap ToWire(const StoredMap& map) {
   wire.set_device(report.device);
   wire.set_created_unix_ms(UnixMs(map.created));
   if (map.expires) wire.set_expires_unix_ms(UnixMs(*map.expires));
+  return wire;
+}
+
+v1::MergeReport ToWire(const MergeChoice& choice) {
+  const auto reason = [&] {
+    switch (choice.reason) {
+      case ExactReason::kNone:
+        return v1::EXACT_REASON_UNSPECIFIED;
+      case ExactReason::kFewQueries:
+        return v1::EXACT_REASON_FEW_QUERIES;
+      case ExactReason::kFewPhotons:
+        return v1::EXACT_REASON_FEW_PHOTONS;
+      case ExactReason::kErrorTooBig:
+        return v1::EXACT_REASON_ERROR_TOO_BIG;
+      case ExactReason::kNoMemory:
+        return v1::EXACT_REASON_NO_MEMORY;
+    }
+    return v1::EXACT_REASON_UNSPECIFIED;
+  };
+  v1::MergeReport wire;
+  wire.set_merged_photons(choice.merged_photons);
+  wire.set_exact_reason(reason());
+  wire.set_sampled_queries(choice.sampled);
+  wire.set_measured_error(choice.measured_error);
+  wire.set_error_limit(choice.error_limit);
   return wire;
 }
 

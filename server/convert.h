@@ -12,6 +12,7 @@
 #include "core/build_chooser.h"
 #include "core/builder.h"
 #include "core/gatherer.h"
+#include "core/merged_gather.h"
 #include "server/map_store.h"
 #include "server/options.h"
 #include "treelight/v1/photon_map.pb.h"
@@ -66,6 +67,7 @@ absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const 
                                         const Limits& limits);
 
 v1::PhotonMap ToWire(const StoredMap& map);
+v1::MergeReport ToWire(const MergeChoice& choice);
 v1::Device ToWire(const DeviceInfo& device);
 v1::ServerLimits ToWire(const Limits& limits);
 

@@ -225,8 +225,9 @@ void MapStore::SweepInTime(const std::stop_token& stop) {
 }
 
 std::uint64_t DeviceBytes(const StoredMap& map) {
-  return map.reloadable != nullptr ? map.reloadable->held_bytes()
-                                   : map.gatherer->report().device_bytes;
+  return map.merged->held_bytes() + (map.reloadable != nullptr
+                                         ? map.reloadable->held_bytes()
+                                         : map.gatherer->report().device_bytes);
 }
 
 std::uint64_t DeviceBytes(const std::vector<MapHandle>& maps) {

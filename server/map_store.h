@@ -19,6 +19,7 @@
 #include "absl/status/statusor.h"
 #include "core/builder.h"
 #include "server/memory_budget.h"
+#include "server/merged_maps.h"
 #include "server/reloadable_map.h"
 
 namespace treelight::server {
@@ -39,6 +40,7 @@ struct StoredMap {
   std::optional<TimePoint> expires;  ///< never where empty
   MemoryBudget::Share memory{};      ///< of the host, that the map holds
   std::uint64_t checksum = 0;        ///< of the head of its file, where it has one
+  std::unique_ptr<MergedMaps> merged = std::make_unique<MergedMaps>();  ///< made on first use
 };
 
 /// Keeps a version alive while someone answers from it, also after the store has let go of it.

@@ -67,6 +67,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
     json["r"] = FormatRadius(*record.radius);
   }
   if (record.approximation) json["approximation"] = FormatMessage(*record.approximation);
+  if (record.merge_report) json["merge_report"] = FormatMessage(*record.merge_report);
   json["bytes_in"] = record.bytes_in;
   json["bytes_out"] = record.bytes_out;
   const v1::Timings& times = record.timings;

@@ -35,6 +35,7 @@ struct RequestRecord {
   std::optional<float> radius;
   bool own_radii = false;  ///< the queries have a radius each: `r` is written as "per query"
   std::optional<v1::Approximation> approximation;  ///< as asked for
+  std::optional<v1::MergeReport> merge_report;     ///< the same as in the answer
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
   v1::Timings timings;  ///< the same as in the answer

@@ -13,11 +13,12 @@ namespace treelight::server {
 
 std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes) {
   std::vector<MapHandle> maps = state.store.List();
+  std::uint64_t freed = 0;
+  for (const MapHandle& map : maps) freed += map->merged->Drop();
   std::erase_if(maps, [](const MapHandle& map) {
     return map->reloadable == nullptr || !map->reloadable->resident();
   });
   std::ranges::sort(maps, {}, [](const MapHandle& map) { return map->reloadable->last_use(); });
-  std::uint64_t freed = 0;
   for (const MapHandle& map : maps) {
     if (freed >= bytes) break;
     if (const auto tree = map->reloadable->Evict()) freed += tree->gatherer->report().device_bytes;

@@ -6,6 +6,8 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "client/answer_csv.h"
@@ -45,12 +47,29 @@ struct Options {
   GatherOptions gather{.k = 50};
 };
 
-// What was gathered, for the last line.
+// Why calls were answered exactly.
+std::string_view ReasonText(v1::ExactReason reason) {
+  switch (reason) {
+    case v1::EXACT_REASON_FEW_QUERIES:
+      return "since they are of few queries";
+    case v1::EXACT_REASON_FEW_PHOTONS:
+      return "since queries find few photons";
+    case v1::EXACT_REASON_ERROR_TOO_BIG:
+      return "since the error would be larger";
+    case v1::EXACT_REASON_NO_MEMORY:
+      return "since the server has no memory for merged photons";
+    default:
+      return "for a reason that this program does not know";
+  }
+}
+
+// What was gathered, for the last lines.
 struct Summary {
   MapRef map;
   double seconds = 0;    // spent in calls to the server
   double kernel_us = 0;  // as the server measured it
   ErrorSummary errors{};
+  std::vector<v1::MergeReport> merge_reports{};  // of the calls
 };
 
 // Queries of the first call.
@@ -91,6 +110,7 @@ absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& option
     summary.map = answer->map;  // the version that answered first answers all
     summary.kernel_us += answer->timings.kernel_us();
     summary.errors.inexact_count += answer->errors.inexact_count;
+    summary.merge_reports.push_back(answer->merge_report);
     summary.errors.largest_bound =
         std::max(summary.errors.largest_bound, answer->errors.largest_bound);
     std::string lines = first == 0 ? AnswerCsvHeader(options.gather.outputs) : "";
@@ -102,6 +122,24 @@ absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& option
   }
   if (auto status = file.Commit(); !status.ok()) return status;
   return summary;
+}
+
+// What was chosen for the calls, those with one choice together.
+void PrintMerged(const Summary& summary) {
+  std::map<std::string, std::pair<std::size_t, float>> choices;  // calls, largest measured error
+  for (const v1::MergeReport& report : summary.merge_reports) {
+    const std::string choice =
+        report.merged_photons() > 0
+            ? fmt::format("up to {} photons merged to one", report.merged_photons())
+            : fmt::format("exact, {}", ReasonText(report.exact_reason()));
+    auto& [calls, error] = choices[choice];
+    ++calls;
+    error = std::max(error, report.measured_error());
+  }
+  for (const auto& [choice, told] : choices) {
+    fmt::print(stderr, "{} of {} calls: {}; density off by {:.2g} in a sample\n", told.first,
+               summary.merge_reports.size(), choice, told.second);
+  }
 }
 
 absl::Status Run(Options options, const GlobalOptions& global) {
@@ -132,6 +170,7 @@ absl::Status Run(Options options, const GlobalOptions& global) {
                                     : "densities by W / unit^2",
                errors.largest_bound);
   }
+  if (options.gather.approximation.merges()) PrintMerged(*summary);
   return absl::OkStatus();
 }
 
@@ -180,6 +219,18 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
       ->add_option("--weight-tolerance", options->gather.approximation.weight_tolerance,
                    "With --k 0: whole subtrees are added up at once where no weight changes by "
                    "more than this part of the largest; 0: photon by photon")
+      ->capture_default_str()
+      ->check(NumberIn(0, 1));
+  command
+      ->add_option("--merged-photons", options->gather.approximation.merged_photons,
+                   "Densities from a map in which up to so many photons, 2, 4, 8 ... 64, are "
+                   "merged to one; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, kMaxMergedPhotons));
+  command
+      ->add_option("--max-relative-error", options->gather.approximation.max_relative_error,
+                   "Densities as merged photons give them within this error, root mean square "
+                   "relative to the exact ones, by a sample; 0: exact")
       ->capture_default_str()
       ->check(NumberIn(0, 1));
   command->add_option("--output", options->output_path, "CSV file for the answers; - is stdout")

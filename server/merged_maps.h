@@ -1,0 +1,49 @@
+#ifndef TREELIGHT_SERVER_MERGED_MAPS_H_
+#define TREELIGHT_SERVER_MERGED_MAPS_H_
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "absl/status/statusor.h"
+#include "core/gatherer.h"
+#include "server/reloadable_map.h"
+
+namespace treelight::server {
+
+struct State;
+struct StoredMap;
+
+/// The merged maps of one map (core/merged_gather.h) that have been made. Safe to call from several
+/// threads at once.
+class MergedMaps {
+ public:
+  /// Null where it has not been made, or was dropped.
+  std::shared_ptr<const ResidentTree> Find(std::uint32_t group_size) const;
+
+  void Keep(std::uint32_t group_size, std::shared_ptr<const ResidentTree> merged);
+
+  /// Lets go of those that nobody gathers from; what they held of their device, bytes.
+  std::uint64_t Drop();
+
+  /// What all hold of their device, bytes.
+  std::uint64_t held_bytes() const;
+
+ private:
+  mutable std::mutex mutex_;
+  // Guarded by mutex_. By group size.
+  std::map<std::uint32_t, std::shared_ptr<const ResidentTree>> merged_;
+};
+
+/// The merged map of `map` of a group size, made by the server's builder with the options of `map`
+/// where it is not there, on the device's thread. RESOURCE_EXHAUSTED: there is no room for it, or
+/// for the copies of tree and photons that it is made of. The errors of Gatherer::ReadTree,
+/// ReadPhotons and Builder::Build.
+absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const StoredMap& map,
+                                                            std::uint32_t group_size,
+                                                            const CancelCheck& cancelled);
+
+}  // namespace treelight::server
+
+#endif  // TREELIGHT_SERVER_MERGED_MAPS_H_
