@@ -118,10 +118,10 @@ def draw_caustic(rows, folder):
 def draw_sums(rows, folder):
     figure, axes = pyplot.subplots(figsize=(6, 3.6))
     for method, (label, color) in METHODS.items():
-        for device in sorted({row["device"] for row in rows if row["method"] == method}):
+        for index, device in enumerate(sorted({row["device"] for row in rows if row["method"] == method})):
             points = sorted((row["photons"], max(row["error"], 1e-10)) for row in rows
                             if (row["method"], row["device"]) == (method, device))
-            axes.plot(*zip(*points), ":" if device else "-", marker="o", markersize=3, color=color,
+            axes.plot(*zip(*points), (":", "-.", "--")[index % 3] if device else "-", marker="o^sv"[index % 4], markersize=3, color=color,
                       label=f"{label} on {device}" if device else label)
     axes.set(xscale="log", yscale="log", xlabel="photons added up", ylabel="relative error")
     axes.legend(fontsize=7)
