@@ -9,6 +9,7 @@
 #include "client/commands/output.h"
 #include "client/commands/picture_output.h"
 #include "client/commands/render_options.h"
+#include "client/commands/render_progressive.h"
 #include "client/commands/render_report.h"
 #include "client/commands/server_option.h"
 #include "client/photon_map_client.h"
@@ -33,12 +34,6 @@ constexpr std::uint32_t kFeatureSamples = 16;
 double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
-
-/// What becomes of a picture while it is rendered and at its end.
-struct Viewer {
-  PreviewOptions preview;
-  std::function<absl::Status(const Image&)> finish;
-};
 
 /// Refuses a scene of which a reference would lack light, or warns where that was allowed.
 absl::Status CheckComplete(const Scene& scene, const RenderChoice& choice) {
@@ -189,6 +184,8 @@ absl::Status RenderByPhotons(const Intersector& scene, const RenderChoice& choic
       Warn(fmt::format("the maps are not deleted: {}", std::string(deleted.message())));
   }
   if (!finished.ok()) return finished;
+  if (photons->report.caustic.paths == 0 && choice.caustic_photon_count > 0)
+    fmt::print("caustic map: none, since nothing in the scene is mirror, glass or glossy\n");
   fmt::print("{}", FormatRender(*photons, *maps, *radii, *render, traversals, times));
   return absl::OkStatus();
 }
@@ -236,8 +233,10 @@ absl::Status Run(const RenderChoice& choice, const GlobalOptions& global) {
     fmt::print("{}", FormatError(*error, choice.compare_path));
     return absl::OkStatus();
   };
-  return choice.reference ? RenderReference(*scene, choice, viewer)
-                          : RenderByPhotons(*scene, choice, global, viewer);
+  if (*reference) viewer.reference = &**reference;
+  if (choice.reference) return RenderReference(*scene, choice, viewer);
+  return choice.progressive ? RenderInPasses(*scene, choice, global, viewer)
+                            : RenderByPhotons(*scene, choice, global, viewer);
 }
 
 }  // namespace

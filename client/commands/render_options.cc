@@ -1,11 +1,13 @@
 #include "client/commands/render_options.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 
 #include "client/commands/check.h"
 #include "client/render/gather_radius.h"
 #include "client/render/image_file.h"
+#include "client/render/progressive_renderer.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -53,7 +55,8 @@ void AddPictureOptions(CLI::App& command, RenderChoice& choice) {
       ->check(CLI::Range(1, 1 << 14));
   command
       .add_option("--spp", choice.samples_per_pixel,
-                  fmt::format("Samples per pixel (default: {}; {} with --reference)",
+                  fmt::format("Samples per pixel (default: {}; {} with --reference; 1 in each pass "
+                              "with --progressive)",
                               choice.render.camera.samples_per_pixel, kReferenceSamples))
       ->check(CLI::Range(1, 1 << 20));
   command.add_option("--seed", choice.seed, "Of all random numbers")
@@ -100,6 +103,40 @@ void AddReferenceOptions(CLI::App& command, RenderChoice& choice) {
       ->needs(reference);
 }
 
+void AddProgressiveOptions(CLI::App& command, RenderChoice& choice) {
+  auto* const progressive =
+      command
+          .add_flag("--progressive", choice.progressive,
+                    "Render in passes, each of fresh photons (--photons, --caustic-photons) and "
+                    "fresh camera rays, with radii that shrink: the mean goes to the true picture")
+          ->excludes("--reference")
+          ->excludes("--keep-map");
+  command
+      .add_option("--passes", choice.passes,
+                  fmt::format("With --progressive: end after so many (default: {} where neither "
+                              "--target-error nor --time-limit is given)",
+                              kProgressivePasses))
+      ->needs(progressive)
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}));
+  command
+      .add_option("--target-error", choice.target_error,
+                  "With --progressive: end when the estimated error (root of the relative mean "
+                  "squared error, noise and blur) is no more than this")
+      ->needs(progressive)
+      ->check(NumberIn(1e-6, 1e6));
+  command
+      .add_option("--time-limit", choice.time_limit_s,
+                  "With --progressive: end within so many seconds, or with the first pass")
+      ->needs(progressive)
+      ->check(NumberIn(0, 1e9));
+  command
+      .add_option("--error-curve", choice.error_curve_folder,
+                  "With --progressive: folder for progressive.csv, the estimated error after each "
+                  "pass, with --compare also the measured one, and its chart")
+      ->type_name("FOLDER")
+      ->needs(progressive);
+}
+
 /// A reference has no photon maps: their options beside it are errors, not passed over.
 void RefuseWithReference(CLI::App& command) {
   for (const char* name :
@@ -139,6 +176,13 @@ void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
                   kTimeToLive.count()));
 }
 
+void CheckProgressiveK(const std::string& name, std::uint32_t k) {
+  if (k == 0 || k >= kMinProgressiveNeighbors) return;
+  throw CLI::ValidationError(
+      name, fmt::format("{} is under {}, from where on it can shrink with --progressive", k,
+                        kMinProgressiveNeighbors));
+}
+
 }  // namespace
 
 PhotonRenderOptions RenderChoice::photon_options(const GatherRadii& chosen) const {
@@ -155,6 +199,12 @@ PhotonRenderOptions RenderChoice::photon_options(const GatherRadii& chosen) cons
   return options;
 }
 
+std::uint64_t RenderChoice::max_passes() const {
+  if (passes) return *passes;
+  return target_error > 0 || time_limit_s ? std::numeric_limits<std::uint64_t>::max()
+                                          : kProgressivePasses;
+}
+
 PathTraceOptions RenderChoice::reference_options() const {
   return {.width = render.width,
           .height = render.height,
@@ -169,12 +219,17 @@ void AddRenderOptions(CLI::App& command, RenderChoice& choice) {
   AddOutputOptions(command, choice);
   AddReferenceOptions(command, choice);
   AddPhotonOptions(command, choice);
+  AddProgressiveOptions(command, choice);
   RefuseWithReference(command);
 }
 
 void CheckRenderOptions(RenderChoice& choice) {
   if (choice.reference && choice.samples_per_pixel == 1u) {
     throw CLI::ValidationError("--spp", "a reference needs at least 2, to tell its noise");
+  }
+  if (choice.progressive) {
+    CheckProgressiveK("--k", choice.render.indirect.k);
+    CheckProgressiveK("--caustic-k", choice.render.caustic.k);
   }
   auto& paths = choice.output_paths;
   if (paths.empty()) paths = {SceneName(choice.scene.scene) + ".png"};

@@ -20,6 +20,9 @@ inline constexpr std::chrono::hours kTimeToLive{24};
 /// Samples per pixel of a reference where nothing is said.
 inline constexpr std::uint32_t kReferenceSamples = 256;
 
+/// Passes of a progressive render where nothing is said of its end.
+inline constexpr std::uint64_t kProgressivePasses = 64;
+
 /// The largest radius of an estimate from each map, scene units; nothing where there is no map.
 struct GatherRadii {
   std::optional<float> indirect{}, caustic{};
@@ -39,6 +42,12 @@ struct RenderChoice {
   bool allow_incomplete = false;  ///< even where MissingFromReference says something
   double target_noise = 0;        ///< PathTraceOptions
 
+  bool progressive = false;  ///< in passes; the fields below are of it alone
+  std::optional<std::uint64_t> passes;
+  double target_error = 0;  ///< ProgressiveOptions; 0: none
+  std::optional<double> time_limit_s;
+  std::string error_curve_folder;  ///< empty: no curve
+
   std::vector<std::string> output_paths;  ///< not empty once the command line is checked
   std::optional<float> exposure;          ///< stops; nothing: the scene's
   bool layers = false;                    ///< albedo and normals into EXR files
@@ -46,6 +55,8 @@ struct RenderChoice {
   double preview_interval_s = 2;
   std::string compare_path;  ///< empty: no comparison
 
+  /// kProgressivePasses where nothing else ends a progressive render.
+  std::uint64_t max_passes() const;
   /// For RenderPhotonMaps, with the radii that were given or chosen.
   PhotonRenderOptions photon_options(const GatherRadii& chosen) const;
   PathTraceOptions reference_options() const;  ///< for PathTrace

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "client/render/radius_probe.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -125,26 +126,51 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   ProgressiveImage image(options.width, options.height);
   PreviewClock preview(options.preview);
   OpenSamples open;
-  const auto sink = [&open](std::uint64_t sample, const Rgb& radiance) {
+  std::optional<RadiusProbe> probe;
+  if (options.probe_radii) probe.emplace(order, options.width, options.height);
+  const auto sink = [&](std::uint64_t sample, const Rgb& radiance) {
     open.Add(sample, radiance);
+    if (probe) probe->AddWhole(sample, radiance);
   };
   std::optional<MapGather> indirect, caustic;
   if (maps.indirect) indirect.emplace(client, *maps.indirect, options.indirect, *max_queries, sink);
   if (maps.caustic) caustic.emplace(client, *maps.caustic, options.caustic, *max_queries, sink);
 
-  const auto add = [&](const CameraBatch& batch, std::uint64_t first) {
-    absl::Status status;
-    const bool final_gather = options.camera.final_gather_rays > 0;
-    if (indirect)
-      status.Update(indirect->Add(final_gather ? batch.final_gather : batch.diffuse_hits, first));
-    if (caustic && status.ok()) status.Update(caustic->Add(batch.diffuse_hits, first));
-    if (caustic && status.ok()) status.Update(caustic->Add(batch.gather_caustics, first));
+  const auto add_quarter = [&](std::uint64_t sample, const Rgb& radiance) {
+    probe->AddQuarter(sample, radiance);
+  };
+  std::optional<MapGather> indirect_probe, caustic_probe;
+  if (probe && indirect) {
+    indirect_probe.emplace(client, *maps.indirect, QuarterOf(options.indirect), *max_queries,
+                           add_quarter);
+  }
+  if (probe && caustic) {
+    caustic_probe.emplace(client, *maps.caustic, QuarterOf(options.caustic), *max_queries,
+                          add_quarter);
+  }
+
+  const auto add_to = [&](std::optional<MapGather>& gather, std::optional<MapGather>& gather_probe,
+                          const GatherPoints& points, std::uint64_t first) {
+    if (!gather) return absl::OkStatus();
+    auto status = gather->Add(points, first);
+    if (gather_probe && status.ok())
+      status = gather_probe->Add(probe->Select(points, first), first);
     return status;
   };
+  const auto add = [&](const CameraBatch& batch, std::uint64_t first) {
+    const bool final_gather = options.camera.final_gather_rays > 0;
+    auto status = add_to(indirect, indirect_probe,
+                         final_gather ? batch.final_gather : batch.diffuse_hits, first);
+    if (status.ok()) status = add_to(caustic, caustic_probe, batch.diffuse_hits, first);
+    if (status.ok()) status = add_to(caustic, caustic_probe, batch.gather_caustics, first);
+    return status;
+  };
+  const auto gathers = {&indirect, &caustic, &indirect_probe, &caustic_probe};
   const auto flush = [&] {
     absl::Status status;
-    if (indirect) status.Update(indirect->Flush());
-    if (caustic && status.ok()) status.Update(caustic->Flush());
+    for (auto* gather : gathers) {
+      if (*gather && status.ok()) status = (*gather)->Flush();
+    }
     return status;
   };
   const auto show = [&](std::uint64_t traced) {
@@ -167,6 +193,8 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   // While a batch is sent and answers are taken, the next one is traced.
   std::future<CameraBatch> next = std::async(std::launch::async, trace, 0);
   for (std::uint64_t first = 0; first < order.size(); first += batch_size) {
+    if (options.cancelled && options.cancelled())
+      return absl::CancelledError("rendering was cancelled");
     const CameraBatch batch = next.get();
     if (first + batch_size < order.size())
       next = std::async(std::launch::async, trace, first + batch_size);
@@ -181,7 +209,7 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
     }
   }
   if (const auto status = flush(); !status.ok()) return status;
-  for (auto* gather : {&indirect, &caustic}) {
+  for (auto* gather : gathers) {
     while (*gather) {
       const auto more = (*gather)->Finish();
       if (!more.ok()) return more.status();
@@ -194,6 +222,7 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   result.image = image.Mean();
   if (indirect) result.indirect = indirect->cost();
   if (caustic) result.caustic = caustic->cost();
+  if (probe) result.radius_difference = probe->Difference();
   result.seconds = SecondsSince(begin);
   return result;
 }

@@ -13,6 +13,7 @@
 #include "client/render/map_gather.h"
 #include "client/render/progressive_image.h"
 #include "client/trace/intersector.h"
+#include "core/gatherer.h"
 
 namespace treelight::client {
 
@@ -27,6 +28,10 @@ struct PhotonRenderOptions {
   /// calling thread.
   std::function<void(std::uint64_t samples)> progress{};
   PreviewOptions preview{};
+  /// Whether PhotonRenderedImage::radius_difference is made too, for a quarter more gathers.
+  bool probe_radii = false;
+  /// Asked now and then, on the calling thread; true ends the work.
+  CancelCheck cancelled{};
 };
 
 /// Maps that TracedPhotons became; a set without photons has none.
@@ -46,7 +51,8 @@ struct PhotonRenderedImage {
   std::uint64_t rays = 0;  ///< camera and shadow rays
   double seconds = 0;      ///< from the first ray to the last answer
   double camera_s = 0;     ///< of them camera rays were traced; the server gathers meanwhile
-  GatherCost indirect{}, caustic{};
+  GatherCost indirect{}, caustic{};  ///< without those of the probe
+  Image radius_difference;           ///< RadiusProbe::Difference; no pixels unless it was asked for
 
   /// That sending and taking answers waited for the server, while the camera may have traced.
   double wait_s() const { return indirect.wait_s + caustic.wait_s; }
@@ -60,8 +66,8 @@ struct PhotonRenderedImage {
 /// as densities gathered from the server times reflectance / pi, indirect light likewise, or by
 /// final gathering where options.camera says so. While the server answers, the next samples are
 /// traced; what is on its way is bounded. The same picture for any number of threads, with or
-/// without preview. Blocks. INVALID_ARGUMENT: an option out of range. Else the errors of
-/// PhotonMapClient.
+/// without preview. Blocks. INVALID_ARGUMENT: an option out of range. CANCELLED: options.cancelled
+/// said so. Else the errors of PhotonMapClient.
 absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersector,
                                                      PhotonMapClient& client,
                                                      const PhotonMaps& maps,

@@ -58,10 +58,12 @@ void AddTo(PhotonSetReport& report, const PhotonBatch& batch) {
 absl::StatusOr<PhotonSetReport> TraceSet(const PhotonPaths& paths, std::uint64_t wanted,
                                          const PhotonSink& sink,
                                          const std::function<void(std::uint64_t)>& progress,
+                                         const std::function<bool()>& cancelled,
                                          EnergyBalance& energy) {
   PhotonSetReport report;
   std::vector<PhotonBatch> round;
   while (report.photons < wanted && !IsGivenUp(report)) {
+    if (cancelled && cancelled()) return absl::CancelledError("tracing was cancelled");
     round.assign(GuessBatches(report, wanted), {});
     tbb::parallel_for(std::size_t{0}, round.size(), [&](std::size_t i) {
       round[i] = TraceBatch(paths, report.paths + i * kPathsPerBatch, kPathsPerBatch);
@@ -112,8 +114,8 @@ absl::StatusOr<TraceReport> TracePhotons(const Intersector& intersector,
                     .seed = options.seed,
                     .max_bounces = options.max_bounces};
   if (options.indirect_photons > 0) {
-    const auto set =
-        TraceSet(paths, options.indirect_photons, sink, options.progress, report.energy);
+    const auto set = TraceSet(paths, options.indirect_photons, sink, options.progress,
+                              options.cancelled, report.energy);
     if (!set.ok()) return set.status();
     report.indirect = *set;
   }
@@ -125,7 +127,8 @@ absl::StatusOr<TraceReport> TracePhotons(const Intersector& intersector,
       if (options.progress) options.progress(report.indirect.photons + photons);
     };
     EnergyBalance unused;  // these paths are not followed to their ends
-    const auto set = TraceSet(paths, options.caustic_photons, sink, progress, unused);
+    const auto set =
+        TraceSet(paths, options.caustic_photons, sink, progress, options.cancelled, unused);
     if (!set.ok()) return set.status();
     report.caustic = *set;
   }

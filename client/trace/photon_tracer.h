@@ -57,6 +57,8 @@ struct PhotonTraceOptions {
   /// Called between rounds of work with the photons of both sets stored so far, on the calling
   /// thread.
   std::function<void(std::uint64_t photons)> progress{};
+  /// Asked as often, on the calling thread; true ends tracing.
+  std::function<bool()> cancelled{};
 };
 
 /// What one set of photons took.
@@ -98,8 +100,8 @@ using PhotonSink = std::function<absl::Status(PhotonSet set, const Photons& bloc
 /// fewer photons then, whose power is right all the same.
 ///
 /// Runs on the TBB threads of the caller's arena. INVALID_ARGUMENT: both counts are 0, or
-/// max_bounces is. FAILED_PRECONDITION: the scene has no light, or no photon was stored. Else the
-/// error of `sink`.
+/// max_bounces is. FAILED_PRECONDITION: the scene has no light, or no photon was stored.
+/// CANCELLED: options.cancelled said so. Else the error of `sink`.
 absl::StatusOr<TraceReport> TracePhotons(const Intersector& intersector,
                                          const PhotonTraceOptions& options, const PhotonSink& sink);
 

@@ -38,4 +38,9 @@ double RandomStream::FineUniform() {
   return static_cast<double>(high << 26 | low) * 0x1p-53;
 }
 
+std::uint64_t PassSeed(std::uint64_t seed, std::uint64_t pass) {
+  const auto number = RandomStream(seed, RandomPurpose::kPass, pass).FineUniform();
+  return static_cast<std::uint64_t>(number * 0x1p53);
+}
+
 }  // namespace treelight::client

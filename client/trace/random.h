@@ -21,6 +21,7 @@ enum class RandomPurpose : std::uint32_t {
   kImageChoice,
   kFinalGather,
   kFeatures,
+  kPass,
 };
 
 /// The random numbers of one path. They depend on seed, purpose and index alone, so paths may be
@@ -42,6 +43,9 @@ class RandomStream {
   std::array<std::uint32_t, 4> block_{};
   int used_ = 4;  // of block_
 };
+
+/// The seed of pass `pass` of a picture of seed `seed`: neighbouring seeds share no pass.
+std::uint64_t PassSeed(std::uint64_t seed, std::uint64_t pass);
 
 }  // namespace treelight::client
 
