@@ -58,6 +58,14 @@ TEST(TruthTest, AnAnswerThatIsWrongIsToldSo) {
   EXPECT_DOUBLE_EQ(error.bound, 0.5);
 }
 
+TEST(DensityErrorTest, AWorkedExample) {
+  GatherResult answer, exact;
+  answer.densities = {1, 1, 2, 0, 0, 0, 1, 0, 0};
+  exact.densities = {2, 1, 2, 0, 0, 0, 0, 0, 0};
+  // 1/5 too low, right, and something where there is nothing.
+  EXPECT_NEAR(DensityError(answer, exact), std::sqrt((0.04 + 0 + 1) / 3), 1e-7);
+}
+
 class AccuracyTest : public treelight::testing::ServerTest {};
 
 TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
@@ -71,6 +79,8 @@ TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
                           .checked = 100,
                           .runs = 1,
                           .ks = {50},
+                          .errors = {0.2},
+                          .batches = 2,
                           .picture_size = 8,
                           .reference_spp = 4};
   std::vector<AccuracyRow> rows;
@@ -80,16 +90,25 @@ TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
         return absl::OkStatus();
       });
   ASSERT_TRUE(status.ok()) << status;
-  ASSERT_EQ(rows.size(), SettingGrid(plan.ks).size());
+  ASSERT_EQ(rows.size(), SettingGrid(plan.ks, plan.errors).size());
   double last = 0;
   for (const AccuracyRow& row : rows) {
     SCOPED_TRACE(AccuracyCsvLine(row));
     EXPECT_GT(row.speed.whole_ns, 0);
     const Knob knob = row.setting.knob;
-    if (knob == Knob::kNone || IsWithinRadius(knob)) {
+    if (knob == Knob::kNone || knob == Knob::kRadius || knob == Knob::kWeightTolerance) {
       EXPECT_LT(row.error.density, 1e-5);
       EXPECT_LT(row.error.distance, 1e-6);
       EXPECT_EQ(row.error.recall, 1);
+    }
+    if (knob == Knob::kMergedWithin && row.setting.value == 2) {
+      EXPECT_EQ(row.merge.merged_photons, 2u);
+      EXPECT_GT(row.error.density, 0);
+      EXPECT_LT(row.error.density, 0.2);
+    }
+    if (AsksForError(knob)) {
+      EXPECT_EQ(row.merge.batches, 2u);
+      EXPECT_EQ(row.merge.batches_within, 2u);
     }
     if (knob == Knob::kEpsilon) {
       EXPECT_GE(row.error.distance, last);

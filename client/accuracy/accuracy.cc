@@ -70,7 +70,7 @@ class SceneMeasurement {
 
   absl::Status Run() {
     if (auto status = Prepare(); !status.ok()) return status;
-    for (const Setting& setting : SettingGrid(plan_.ks)) {
+    for (const Setting& setting : SettingGrid(plan_.ks, plan_.errors)) {
       if (setting.k > photons_.indirect.size()) continue;
       auto row = Measure(setting);
       if (!row.ok()) return row.status();
@@ -152,9 +152,12 @@ class SceneMeasurement {
     }
     const auto map = MapOf(setting);
     if (!map.ok()) return map.status();
-    const auto speed = Time(*map, options);
+    const auto speed = Time(*map, options, row.merge);
     if (!speed.ok()) return speed.status();
     row.speed = *speed;
+    if (AsksForError(setting.knob)) {
+      if (auto status = CountWithin(*map, options, row.merge); !status.ok()) return status;
+    }
     const auto error = Judge(*map, setting, options);
     if (!error.ok()) return error.status();
     row.error = *error;
@@ -167,7 +170,8 @@ class SceneMeasurement {
     return row;
   }
 
-  absl::StatusOr<AnswerSpeed> Time(const MapRef& map, const GatherOptions& options) {
+  absl::StatusOr<AnswerSpeed> Time(const MapRef& map, const GatherOptions& options,
+                                   ChosenMerge& merge) {
     std::vector<double> kernel, whole;
     const double count = static_cast<double>(queries_.size()) / 3;
     for (std::uint32_t run = 0; run <= plan_.runs; ++run) {
@@ -175,11 +179,31 @@ class SceneMeasurement {
       const auto answer = client_.Gather(map, {.positions = queries_}, options);
       const std::chrono::duration<double, std::nano> took = Clock::now() - begin;
       if (!answer.ok()) return answer.status();
+      merge.merged_photons = answer->merge_report.merged_photons();
+      merge.measured_error = answer->merge_report.measured_error();
       if (run == 0) continue;  // compiles, fills caches
       kernel.push_back(1e3 * answer->timings.kernel_us() / count);
       whole.push_back(took.count() / count);
     }
     return AnswerSpeed{.kernel_ns = Median(kernel), .whole_ns = Median(whole)};
+  }
+
+  /// How many of further batches keep the error that they ask for, beside exact answers.
+  absl::Status CountWithin(const MapRef& map, const GatherOptions& options, ChosenMerge& merge) {
+    GatherOptions exactly = options;
+    exactly.approximation = {};
+    for (std::uint32_t batch = 1; batch <= plan_.batches; ++batch) {
+      const auto queries =
+          SamplePositions(photons_.indirect.positions, plan_.batch_queries, plan_.seed + batch);
+      const auto exact = client_.Gather(map, {.positions = queries}, exactly);
+      if (!exact.ok()) return exact.status();
+      const auto answer = client_.Gather(map, {.positions = queries}, options);
+      if (!answer.ok()) return answer.status();
+      const double error = DensityError(answer->result, exact->result);
+      ++merge.batches;
+      if (error <= options.approximation.max_relative_error) ++merge.batches_within;
+    }
+    return absl::OkStatus();
   }
 
   absl::StatusOr<AnswerError> Judge(const MapRef& map, const Setting& setting,
@@ -192,9 +216,12 @@ class SceneMeasurement {
       truth = ComputeTruth(photons_.indirect, checked, within ? 0 : setting.k, options.radius);
     }
     options.outputs |= kOutputRadius;
-    if (!within) options.outputs |= kOutputNeighbors;
+    const bool merges = options.approximation.merges();
+    if (!within && !merges) options.outputs |= kOutputNeighbors;
     if (options.approximation.any()) options.outputs |= kOutputErrorBound;
-    const auto answer = client_.Gather(map, {.positions = checked}, options);
+    // A choice is that of the whole batch.
+    const auto answer = client_.Gather(
+        map, {.positions = merges ? std::span<const float>(queries_) : checked}, options);
     if (!answer.ok()) return answer.status();
     return CompareAnswers(answer->result, truth, options.k);
   }

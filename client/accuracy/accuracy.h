@@ -22,8 +22,11 @@ struct AccuracyPlan {
   std::uint32_t checked = 200;     ///< of them, whose answers are compared with the truth
   std::uint32_t runs = 5;          ///< of each batch; the median counts
   std::vector<std::uint32_t> ks = {50, 500};
-  int picture_size = 128;             ///< pixels, width and height; 0: no pictures
-  std::uint32_t reference_spp = 256;  ///< samples per pixel of the path-traced reference
+  std::vector<double> errors = {0.01, 0.05, 0.2};  ///< that are asked for, [0, 1)
+  std::uint32_t batches = 20;           ///< for each of them, whose errors are compared with it
+  std::uint32_t batch_queries = 4'000;  ///< of each
+  int picture_size = 128;               ///< pixels, width and height; 0: no pictures
+  std::uint32_t reference_spp = 256;    ///< samples per pixel of the path-traced reference
 };
 
 /// Takes the rows in order; an error ends the measurement.

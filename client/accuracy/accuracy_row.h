@@ -12,9 +12,18 @@ namespace treelight::client {
 /// same k or radius.
 struct AnswerError {
   double distance = 0;  ///< RMS over queries of R / true R - 1; 0 where k is 0
-  double recall = 1;    ///< share of the true neighbours that is found; 1 where k is 0
-  double density = 0;   ///< RMS over queries of density / true density - 1, of the channels' sum
-  double bound = 0;     ///< mean of the finite error bounds, relative; see GatherResponse
+  double recall =
+      1;  ///< share of the true neighbours that is found; 1 where k is 0, 0 of merged photons
+  double density = 0;  ///< RMS over queries of density / true density - 1, of the channels' sum
+  double bound = 0;    ///< mean of the finite error bounds, relative; see GatherResponse
+};
+
+/// What the server chose for answers from merged photons; see v1::MergeReport.
+struct ChosenMerge {
+  std::uint32_t merged_photons = 0;  ///< 0: exact
+  double measured_error = 0;         ///< of the server's sample
+  std::uint32_t batches = 0;         ///< further ones that asked for the same error
+  std::uint32_t batches_within = 0;  ///< of them, by comparison with exact answers
 };
 
 /// What the answers cost.
@@ -40,6 +49,7 @@ struct AccuracyRow {
   float radius = 0;  ///< of the gathers, scene units; +inf: none
   std::uint32_t queries = 0, checked = 0;
   AnswerError error{};
+  ChosenMerge merge{};
   AnswerSpeed speed{};
   PictureError picture{};
 };

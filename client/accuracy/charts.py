@@ -24,8 +24,12 @@ STYLES = {
     "fraction": ("fraction of the photons", "D", "#2ca02c"),
     "radius": ("within a radius, exact", "o", "#9467bd"),
     "weight_tolerance": ("whole subtrees summed", "v", "#ff7f0e"),
+    "merged_photons": ("merged photons, k nearest", "P", "#17becf"),
+    "max_relative_error": ("an error asked for, k nearest", "*", "#0b5f6b"),
+    "merged_within": ("merged photons, within a radius", "X", "#e377c2"),
+    "error_within": ("an error asked for, within a radius", "*", "#8c1a6a"),
 }
-WITHIN = ("radius", "weight_tolerance")
+WITHIN = ("radius", "weight_tolerance", "merged_within", "error_within")
 LEAST = 1e-7  # what is exact is drawn here: errors of float's roundings
 
 

@@ -17,13 +17,21 @@ enum class Knob {
   kFraction,         ///< a random subset of the photons, their power rescaled, and k with it
   kRadius,           ///< exact, of all within the radius of k photons
   kWeightTolerance,  ///< Approximation::weight_tolerance, of the same
+  kMerged,           ///< Approximation::merged_photons, of the k nearest
+  kError,            ///< Approximation::max_relative_error, of the same
+  kMergedWithin,     ///< merged_photons, of all within the radius
+  kErrorWithin,      ///< max_relative_error, of the same
 };
 
-/// "exact", "epsilon", "max_leaves", "fraction", "radius", "weight_tolerance".
+/// "exact", "epsilon", "max_leaves", "fraction", "radius", "weight_tolerance", "merged_photons",
+/// "max_relative_error", "merged_within", "error_within".
 std::string_view KnobName(Knob knob);
 
 /// Whether it asks for all photons within a radius, not for the k nearest.
 bool IsWithinRadius(Knob knob);
+
+/// Whether it asks for an error and leaves the rest to the server.
+bool AsksForError(Knob knob);
 
 /// One place of the grid.
 struct Setting {
@@ -36,7 +44,9 @@ struct Setting {
 GatherOptions OptionsOf(const Setting& setting);
 
 /// The grid: for each k the exact gathers and a row of values for each knob.
-std::vector<Setting> SettingGrid(const std::vector<std::uint32_t>& ks);
+/// @param errors  of the settings that ask for one
+std::vector<Setting> SettingGrid(const std::vector<std::uint32_t>& ks,
+                                 const std::vector<double>& errors);
 
 }  // namespace treelight::client
 

@@ -50,6 +50,11 @@ TrueAnswer Answer(const Photons& photons, const float* query, std::uint32_t k, f
           .density = is_empty ? 0 : sum / (std::numbers::pi * squared_radius)};
 }
 
+double SumOfChannels(const GatherResult& answer, std::size_t query) {
+  const float* const density = &answer.densities[3 * query];
+  return double{density[0]} + density[1] + density[2];
+}
+
 }  // namespace
 
 std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const float> queries,
@@ -60,6 +65,16 @@ std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const flo
   return truth;
 }
 
+double DensityError(const GatherResult& answer, const GatherResult& exact) {
+  double squares = 0;
+  const std::size_t count = exact.densities.size() / 3;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double is = SumOfChannels(answer, i), should_be = SumOfChannels(exact, i);
+    if (is != should_be) squares += should_be == 0 ? 1 : Square(is / should_be - 1);
+  }
+  return std::sqrt(squares / std::max<double>(1, static_cast<double>(count)));
+}
+
 AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswer> truth,
                            std::uint32_t k) {
   AnswerError error;
@@ -68,12 +83,15 @@ AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswe
   for (std::size_t i = 0; i < truth.size(); ++i) {
     if (k > 0) {
       distances += Square(answer.radii[i] / truth[i].distance - 1);
+      if (answer.neighbor_squared_distances.empty()) continue;  // of merged photons
       // Within float's rounding of the k-th.
       const double limit = Square(truth[i].distance) * (1 + 1e-6);
       for (std::uint32_t j = 0; j < k; ++j) {
         found += answer.neighbor_squared_distances[std::size_t{i} * k + j] <= limit ? 1 : 0;
       }
     }
+  }
+  for (std::size_t i = 0; i < truth.size(); ++i) {
     if (truth[i].density == 0) continue;
     if (!answer.error_bounds.empty() && std::isfinite(answer.error_bounds[i])) {
       // That of a density is of each channel, in its unit.
@@ -81,9 +99,7 @@ AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswe
       error.bound += answer.error_bounds[i] / unit;
       ++bound_count;
     }
-    const float* const density = &answer.densities[3 * i];
-    const double sum = double{density[0]} + density[1] + density[2];
-    densities += Square(sum / truth[i].density - 1);
+    densities += Square(SumOfChannels(answer, i) / truth[i].density - 1);
     ++density_count;
   }
   if (bound_count > 0) error.bound /= static_cast<double>(bound_count);

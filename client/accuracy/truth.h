@@ -23,6 +23,10 @@ struct TrueAnswer {
 std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const float> queries,
                                      std::uint32_t k, float radius);
 
+/// Root mean square over queries of |density / exact density - 1|, of the sum of the channels; 0
+/// where both are 0, 1 where only the exact one is.
+double DensityError(const GatherResult& answer, const GatherResult& exact);
+
 /// How far the answers to the first truth.size() queries are from the truth.
 /// @param answer  with radii and densities; with neighbours where k > 0
 /// @param k       of the gather that was asked for; 0: within a radius

@@ -99,6 +99,18 @@ void AddAccuracyCommand(CLI::App& app, GlobalOptions& global) {
       ->capture_default_str()
       ->check(CLI::Range(1u, kMaxNeighbors));
   command
+      ->add_option("--max-relative-error", options->plan.errors,
+                   "Errors of densities that are asked for; may be several")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::Range(1e-6, 0.999));
+  command
+      ->add_option("--batches", options->plan.batches,
+                   "Batches of 4000 gathers that ask for each of them, and are compared with exact "
+                   "ones")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, 10'000u));
+  command
       ->add_option("--picture-size", options->plan.picture_size,
                    "Pixels of a side of the pictures that are compared; 0: none")
       ->capture_default_str()
