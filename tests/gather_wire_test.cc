@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <functional>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -116,6 +117,9 @@ struct Damage {
   std::function<void(v1::GatherResponse&)> apply;
   std::string expected;
 };
+
+/// What CTest shows of a parameter.
+void PrintTo(const Damage& damage, std::ostream* out) { *out << damage.name; }
 
 class DamagedAnswerTest : public testing::TestWithParam<Damage> {};
 
