@@ -13,6 +13,7 @@
 #include <utility>
 #include <variant>
 
+#include "absl/synchronization/mutex.h"
 #include "core/keep_memory.h"
 #include "fmt/format.h"
 #include "google/protobuf/stubs/logging.h"
@@ -43,6 +44,10 @@ void QuietLibraries() {
   gpr_set_log_function([](gpr_log_func_args*) {});
   google::protobuf::SetLogHandler(nullptr);
 }
+
+/// Abseil, as Debian builds it, looks for deadlocks at each lock that gRPC takes; no program in
+/// service wants that.
+void TrustLibraryLocks() { absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore); }
 
 /// Every connection is an open file, and services start with a limit of 1024 of what they may have.
 void RaiseFileLimit() {
@@ -112,6 +117,7 @@ int Main(int argc, const char* const* argv) {
   std::signal(SIGPIPE, SIG_IGN);  // a reader of the log that goes away must not end the server
   KeepMessageMemory();
   QuietLibraries();
+  TrustLibraryLocks();
   RaiseFileLimit();
   auto parsed = ParseFlags(argc, argv);
   if (const auto* exit = std::get_if<Exit>(&parsed)) return exit->code;
