@@ -169,7 +169,7 @@ absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource&
   if (!gatherer.ok()) return gatherer.status();
   const auto& stages = (*gatherer)->report().stages;
   record_.stages.insert(record_.stages.end(), stages.begin(), stages.end());
-  for (const StageTime& stage : record_.stages) {
+  for (const StageTime& stage : stages) {
     if (stage.stage == "upload") {
       timings.set_upload_us(timings.upload_us() + stage.microseconds);
     } else if (stage.stage == "download") {
