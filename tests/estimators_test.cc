@@ -35,7 +35,7 @@ std::map<Key, EstimatorRow> Measure(const EstimatorPlan& plan) {
 
 const std::map<Key, EstimatorRow>& Rows() {
   static const auto rows =
-      Measure({.photons = {10'000}, .ks = {10, 50}, .seed = 1, .total_photons = 2'000'000});
+      Measure({.photons = {10'000}, .ks = {10, 50}, .seed = 1, .total_photons = 1'000'000});
   return rows;
 }
 
