@@ -19,8 +19,12 @@ constexpr double kMargin = 3;
 
 // What is as rare as one query in a third of the sample is missing from it in one case of 20 (the
 // rule of three): so many queries are taken to be there, with the largest error seen, at least
-// this.
-constexpr double kMissedQueries = 3, kMissedError = 0.1;
+// this. Where normals leave photons out, few may be left of many, and rare errors are large.
+constexpr double kMissedQueries = 3, kMissedError = 0.1, kMissedErrorOfNormals = 0.5;
+
+double MissedError(const GatherQueries& queries) {
+  return queries.normals.empty() ? kMissedError : kMissedErrorOfNormals;
+}
 
 // What it costs to find the place of a query, in photons that are compared there.
 constexpr double kPlaceCost = 60;
@@ -79,7 +83,8 @@ struct SampledError {
   double measured = 0, limit = 0;  ///< root mean squares
 };
 
-SampledError ErrorOf(const GatherResult& answer, const GatherResult& exact, std::size_t count) {
+SampledError ErrorOf(const GatherResult& answer, const GatherResult& exact, std::size_t count,
+                     double missed_error) {
   double sum = 0, sum_of_squares = 0, largest = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const double square = SquaredError(SumOfChannels(answer, i), SumOfChannels(exact, i));
@@ -90,7 +95,7 @@ SampledError ErrorOf(const GatherResult& answer, const GatherResult& exact, std:
   const auto n = static_cast<double>(count);
   const double mean = sum / n;
   const double variance = std::max(0.0, sum_of_squares / n - mean * mean) / std::max(1.0, n - 1);
-  const double missed = kMissedQueries * std::max(largest, kMissedError * kMissedError) / n;
+  const double missed = kMissedQueries * std::max(largest, missed_error * missed_error) / n;
   return {std::sqrt(mean), std::sqrt(mean + kMargin * std::sqrt(variance) + missed)};
 }
 
@@ -162,7 +167,7 @@ class Chooser {
         options_(options),
         cancelled_(cancelled),
         keeps_error_(options.approximation.max_relative_error > 0),
-        count_(SampleSize(queries.size(), keeps_error_)),
+        count_(SampleSize(queries, options.approximation.max_relative_error)),
         sample_(queries, Sample(queries.size(), count_)) {}
 
   absl::StatusOr<MergeChoice> Run(const MergedMapOf& merged_map) {
@@ -191,10 +196,15 @@ class Chooser {
   }
 
  private:
-  static std::size_t SampleSize(std::size_t query_count, bool keeps_error) {
-    const std::size_t part = (query_count + kSampledPart - 1) / kSampledPart;
-    const std::size_t fewest = keeps_error ? kFewestSamples : 1;
-    return std::min(std::clamp(part, fewest, kMostSamples), query_count);
+  /// So many that what they may have missed takes half of the error, at most.
+  static std::size_t SampleSize(const GatherQueries& queries, double error) {
+    const std::size_t part = (queries.size() + kSampledPart - 1) / kSampledPart;
+    const std::size_t count = std::min(part, kMostSamples);
+    if (error == 0) return count;
+    const double missed = MissedError(queries) / error;
+    const double needed = std::max(2 * kMissedQueries * missed * missed, double{kFewestSamples});
+    const auto all = static_cast<double>(queries.size());
+    return std::max(count, static_cast<std::size_t>(std::min(std::ceil(needed), all)));
   }
 
   static double PlaceCost(double photons) { return kPlaceCost + photons; }
@@ -234,7 +244,7 @@ class Chooser {
     const auto answer = GatherMerged(map_, *merged, sample_.view(), options_, cancelled_);
     if (!answer.ok()) return answer.status();
     AddTimes(answer->times, choice_.times);
-    const SampledError error = ErrorOf(*answer, exact_, count_);
+    const SampledError error = ErrorOf(*answer, exact_, count_, MissedError(queries_));
     const double cost = PlaceCost(photons_ / group_size) + ExactCost() * (1 - Mean(answer->merged));
     spent_ += cost;
     const bool is_within =

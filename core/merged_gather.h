@@ -49,11 +49,12 @@ using MergedMapOf =
     std::function<absl::StatusOr<std::shared_ptr<const Gatherer>>(std::uint32_t group_size)>;
 
 /// Chooses how a batch is gathered whose options have Approximation::merges(). A sample of it, one
-/// query in 32 and at least 128, is answered exactly and, for max_relative_error, from the largest
-/// groups that an answer may be made of, then by ever smaller ones, until the error is within and
-/// smaller ones would cost more. Within means: the mean square, three standard errors of it, and
-/// what a sample of this size may have missed. Nothing is timed: the same batch gives the same
-/// choice. The errors of Gatherer::Gather, and of `merged_map` other than RESOURCE_EXHAUSTED.
+/// query in 32, at least 128 and more for small errors and for normals, is answered exactly and,
+/// for max_relative_error, from the largest groups that an answer may be made of, then by ever
+/// smaller ones, until the error is within and smaller ones would cost more. Within means: the mean
+/// square, three standard errors of it, and what a sample of this size may have missed. Nothing is
+/// timed: the same batch gives the same choice. The errors of Gatherer::Gather, and of `merged_map`
+/// other than RESOURCE_EXHAUSTED.
 absl::StatusOr<MergeChoice> ChooseMerge(const Gatherer& map, const MergedMapOf& merged_map,
                                         const GatherQueries& queries, const GatherOptions& options,
                                         const CancelCheck& cancelled = {});

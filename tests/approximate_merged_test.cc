@@ -218,9 +218,9 @@ TEST(ChooseMergeTest, SaysWhyABatchIsExact) {
   };
   EXPECT_EQ(maps.Choose(few, asks(500, 0.1f)).reason, ExactReason::kFewQueries);
   EXPECT_EQ(maps.Choose(all, asks(10, 0.1f)).reason, ExactReason::kFewPhotons);
-  const MergeChoice strict = maps.Choose(all, asks(500, 1e-6f));
+  const MergeChoice strict = maps.Choose(all, asks(500, 0.015f));
   EXPECT_EQ(strict.reason, ExactReason::kErrorTooBig);
-  EXPECT_GT(strict.error_limit, 1e-6f);
+  EXPECT_GT(strict.error_limit, 0.015f);
   EXPECT_EQ(strict.merged, nullptr);
   const auto no_memory = [](std::uint32_t) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
     return absl::ResourceExhaustedError("none");
