@@ -130,13 +130,24 @@ std::vector<double> TimeGathers(Meter& meter, const std::vector<std::unique_ptr<
   return fastest_us;
 }
 
-/// Time for each photon by which codes of `bits` over `photons` take longer than `usual_us`.
-double Excess(Meter& meter, const Photons& photons, MortonBits bits, double usual_us) {
-  BuildOptions options = OptionsOf(kTreeCandidates.front());
-  options.morton_bits = bits;
-  double fastest_us = kNever;
-  for (int round = 0; round < kRounds; ++round) meter.Build(photons, options, fastest_us);
-  return (fastest_us - usual_us) / static_cast<double>(photons.size());
+/// Sets what codes of 63 bits and shared cells cost, by builds that take turns: neither saves time.
+void MeasureCodes(Meter& meter, const Photons& spread, BuildCosts& costs) {
+  // All but one in a cell of 30 bits: 10 to an axis number 1024.
+  const Photons together = FacePhotons(spread.size(), 4096);
+  const BuildOptions usual = OptionsOf(kTreeCandidates.front());
+  BuildOptions with_long_codes = usual;
+  with_long_codes.morton_bits = MortonBits::k63;
+  double usual_us = kNever, long_us = kNever, together_us = kNever;
+  for (int round = 0; round < kRounds; ++round) {
+    meter.Build(spread, usual, usual_us);
+    meter.Build(spread, with_long_codes, long_us);
+    meter.Build(together, usual, together_us);
+  }
+  const auto excess = [&](double us) {
+    return std::max(0.0, us - usual_us) / static_cast<double>(spread.size());
+  };
+  costs.long_code_us = excess(long_us);
+  costs.shared_cell_us = excess(together_us);
 }
 
 }  // namespace
@@ -158,10 +169,7 @@ absl::StatusOr<BuildCosts> MeasureBuildCosts(Builder& builder, std::uint32_t k,
                       .photon_us = photon_us,
                       .gather_us = gather_us[i]};
   }
-  costs.long_code_us = Excess(meter, many, MortonBits::k63, many_us.front());
-  // All but one in a cell of 30 bits: 10 to an axis number 1024.
-  const Photons together = FacePhotons(kManyPhotons, 4096);
-  costs.shared_cell_us = Excess(meter, together, MortonBits::k30, many_us.front());
+  MeasureCodes(meter, many, costs);
   if (!meter.status().ok()) return meter.status();
   return costs;
 }

@@ -36,7 +36,7 @@ struct TreeCosts {
 /// What builds and gathers cost on a device.
 struct BuildCosts {
   std::array<TreeCosts, kTreeCandidates.size()> trees{};
-  double long_code_us = 0;  ///< of codes of 63 bits instead of 30, for each photon; may be below 0
+  double long_code_us = 0;    ///< of codes of 63 bits instead of 30, for each photon
   double shared_cell_us = 0;  ///< of a photon that shares its cell with many
 };
 
