@@ -11,7 +11,7 @@
 #include "server/break_switch.h"
 #include "server/gather_together.h"
 #include "server/guard.h"
-#include "server/merged_maps.h"
+#include "server/merged_map_of.h"
 
 namespace treelight::server {
 namespace {

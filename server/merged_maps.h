@@ -6,14 +6,9 @@
 #include <memory>
 #include <mutex>
 
-#include "absl/status/statusor.h"
-#include "core/gatherer.h"
 #include "server/reloadable_map.h"
 
 namespace treelight::server {
-
-struct State;
-struct StoredMap;
 
 /// The merged maps of one map (core/merged_gather.h) that have been made. Safe to call from several
 /// threads at once.
@@ -35,14 +30,6 @@ class MergedMaps {
   // Guarded by mutex_. By group size.
   std::map<std::uint32_t, std::shared_ptr<const ResidentTree>> merged_;
 };
-
-/// The merged map of `map` of a group size, made by the server's builder with the options of `map`
-/// where it is not there, on the device's thread. RESOURCE_EXHAUSTED: there is no room for it, or
-/// for the copies of tree and photons that it is made of. The errors of Gatherer::ReadTree,
-/// ReadPhotons and Builder::Build.
-absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const StoredMap& map,
-                                                            std::uint32_t group_size,
-                                                            const CancelCheck& cancelled);
 
 }  // namespace treelight::server
 

@@ -1,0 +1,102 @@
+#include "server/merged_map_of.h"
+
+#include <string>
+#include <utility>
+
+#include "core/model/merge_photons.h"
+#include "fmt/format.h"
+#include "server/residency.h"
+#include "server/upload.h"
+
+namespace treelight::server {
+namespace {
+
+/// Of `photon_count` photons as `map` has them.
+BuildPlan PlanOf(const StoredMap& map, std::uint64_t photon_count) {
+  return {.name = map.name,
+          .photon_count = photon_count,
+          .has_powers = map.gatherer->has_powers(),
+          .has_directions = map.gatherer->has_directions(),
+          .options = map.options,
+          .time_to_live = {},
+          .request_id = {}};
+}
+
+absl::StatusOr<MemoryBudget::Share> TakeMemory(State& state, Holder holder, std::uint64_t bytes,
+                                               const std::string& what) {
+  return WithEviction(state, bytes, HostRoom(state), [&] {
+    return state.memory.Take(holder, bytes, what, state.device_queue.RetryDelay());
+  });
+}
+
+/// The photons of `map`, merged; the copies that they are made of are paid for meanwhile.
+absl::StatusOr<Photons> Merge(State& state, const StoredMap& map, std::uint32_t group_size,
+                              const std::string& what) {
+  const BuildPlan whole = PlanOf(map, map.gatherer->photon_count());
+  const auto memory =
+      TakeMemory(state, Holder::kUploads, MapBytes(whole) + 2 * PhotonBytes(whole), what);
+  if (!memory.ok()) return memory.status();
+  const auto tree = map.gatherer->ReadTree();
+  if (!tree.ok()) return tree.status();
+  const auto photons = map.gatherer->ReadPhotons();
+  if (!photons.ok()) return photons.status();
+  return MergePhotons(*tree, *photons, group_size);
+}
+
+absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const StoredMap& map,
+                                                         std::uint32_t group_size,
+                                                         const CancelCheck& cancelled) {
+  const std::string what =
+      fmt::format("map '{}' with up to {} photons merged to one", map.name, group_size);
+  const auto photons = Merge(state, map, group_size, what);
+  if (!photons.ok()) return photons.status();
+  if (cancelled && cancelled()) return absl::CancelledError("gather cancelled");
+  const BuildPlan plan = PlanOf(map, photons->size());
+  const std::uint64_t bytes = MapBytes(plan);
+  if (!state.options.devices.empty()) {
+    const DeviceInfo& device = state.options.devices[state.options.device_index];
+    const std::uint64_t room = CheckDeviceRoom(plan, device, 0, what).ok() ? kAnyBytes : 0;
+    const auto status = WithEviction(state, bytes, room, [&] {
+      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what);
+    });
+    if (!status.ok()) return status;
+  }
+  // The photons, what building takes, and the map.
+  const std::uint64_t held_bytes = state.maps_in_host_memory() ? bytes : 0;
+  const std::uint64_t work_bytes =
+      PhotonBytes(plan) + state.builder->WorkBytes(plan.options, plan.photon_count);
+  auto memory = TakeMemory(state, Holder::kUploads, work_bytes + held_bytes, what);
+  if (!memory.ok()) return memory.status();
+  MemoryBudget::Share held = memory->Split(Holder::kMaps, held_bytes);
+  auto gatherer = WithEviction(state, bytes, kAnyBytes, [&] {
+    return state.builder->Build(*photons, plan.options, cancelled);
+  });
+  if (!gatherer.ok()) return gatherer.status();
+  if (state.maps_in_host_memory()) held.Resize((*gatherer)->report().device_bytes);
+  return std::make_shared<const ResidentTree>(
+      ResidentTree{.gatherer = *std::move(gatherer), .memory = std::move(held)});
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const StoredMap& map,
+                                                            std::uint32_t group_size,
+                                                            const CancelCheck& cancelled) {
+  std::shared_ptr<const ResidentTree> merged = map.merged->Find(group_size);
+  if (merged == nullptr) {
+    std::shared_ptr<const ResidentTree> tree;  // stays while others leave the device
+    if (map.reloadable != nullptr) {
+      auto acquired = map.reloadable->Acquire(cancelled);
+      if (!acquired.ok()) return acquired.status();
+      tree = *std::move(acquired);
+    }
+    auto made = Make(state, map, group_size, cancelled);
+    if (!made.ok()) return made.status();
+    merged = *std::move(made);
+    map.merged->Keep(group_size, merged);
+  }
+  const Gatherer* const gatherer = merged->gatherer.get();
+  return std::shared_ptr<const Gatherer>(std::move(merged), gatherer);
+}
+
+}  // namespace treelight::server
