@@ -120,9 +120,7 @@ void AppendResult(GatherResult part, GatherResult& whole) {
   AppendVector(part.nodes_visited, whole.nodes_visited);
   AppendVector(part.distance_tests, whole.distance_tests);
   AppendVector(part.error_bounds, whole.error_bounds);
-  whole.times.upload_us += part.times.upload_us;
-  whole.times.kernel_us += part.times.kernel_us;
-  whole.times.download_us += part.times.download_us;
+  whole.times += part.times;
 }
 
 AnswerAssembly::AnswerAssembly(const v1::GatherRequest& request)

@@ -95,6 +95,13 @@ struct GatherTimes {
   double upload_us = 0;
   double kernel_us = 0;
   double download_us = 0;
+
+  GatherTimes& operator+=(const GatherTimes& more) {
+    upload_us += more.upload_us;
+    kernel_us += more.kernel_us;
+    download_us += more.download_us;
+    return *this;
+  }
 };
 
 /// Answers of a batch of m queries; an array that was not asked for is empty.

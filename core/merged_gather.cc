@@ -2,139 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numeric>
-#include <span>
-#include <utility>
 #include <vector>
+
+#include "core/some_queries.h"
 
 namespace treelight {
 namespace {
-
-// One query in so many is sampled, and at least so many where an error has to be kept.
-constexpr std::size_t kSampledPart = 32, kFewestSamples = 128, kMostSamples = 4096;
-
-// Standard errors of the mean square between what is measured and what is taken for granted.
-constexpr double kMargin = 3;
-
-// What is as rare as one query in a third of the sample is missing from it in one case of 20 (the
-// rule of three): so many queries are taken to be there, with the largest error seen, at least
-// this. Where normals leave photons out, few may be left of many, and rare errors are large.
-constexpr double kMissedQueries = 3, kMissedError = 0.1, kMissedErrorOfNormals = 0.5;
-
-double MissedError(const GatherQueries& queries) {
-  return queries.normals.empty() ? kMissedError : kMissedErrorOfNormals;
-}
-
-// What it costs to find the place of a query, in photons that are compared there.
-constexpr double kPlaceCost = 60;
-
-/// Some queries of a batch, with arrays of their own.
-struct SomeQueries {
-  std::vector<float> positions, normals, radii;
-
-  SomeQueries(const GatherQueries& queries, std::span<const std::uint32_t> chosen) {
-    for (const std::size_t query : chosen) {
-      const auto append = [query](std::span<const float> from, std::size_t width,
-                                  std::vector<float>& to) {
-        if (!from.empty()) to.insert(to.end(), &from[width * query], &from[width * query] + width);
-      };
-      append(queries.positions, 3, positions);
-      append(queries.normals, 3, normals);
-      append(queries.radii, 1, radii);
-    }
-  }
-  GatherQueries view() const {
-    return {.positions = positions, .normals = normals, .radii = radii};
-  }
-};
-
-/// `count` of `query_count` queries: one of each run of neighbours, which may be in the order of a
-/// picture, at a place that is drawn.
-std::vector<std::uint32_t> Sample(std::size_t query_count, std::size_t count) {
-  std::vector<std::uint32_t> chosen(count);
-  std::uint64_t state = 0x9e3779b97f4a7c15u * query_count;
-  for (std::size_t i = 0; i < count; ++i) {
-    // SplitMix64 (Steele, Lea and Flood 2014).
-    std::uint64_t bits = state += 0x9e3779b97f4a7c15u;
-    bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
-    bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
-    bits ^= bits >> 31;
-    const std::size_t first = i * query_count / count, last = (i + 1) * query_count / count;
-    chosen[i] = static_cast<std::uint32_t>(first + bits % (last - first));
-  }
-  return chosen;
-}
-
-double SumOfChannels(const GatherResult& answer, std::size_t query) {
-  const float* const density = &answer.densities[3 * query];
-  return double{density[0]} + density[1] + density[2];
-}
-
-/// MergeChoice tells what it is.
-double SquaredError(double density, double exact) {
-  if (density == exact) return 0;
-  if (exact == 0) return 1;
-  const double error = density / exact - 1;
-  return std::isnan(error) ? std::numeric_limits<double>::infinity() : error * error;
-}
-
-struct SampledError {
-  double measured = 0, limit = 0;  ///< root mean squares
-};
-
-SampledError ErrorOf(const GatherResult& answer, const GatherResult& exact, std::size_t count,
-                     double missed_error) {
-  double sum = 0, sum_of_squares = 0, largest = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double square = SquaredError(SumOfChannels(answer, i), SumOfChannels(exact, i));
-    sum += square;
-    sum_of_squares += square * square;
-    largest = std::max(largest, square);
-  }
-  const auto n = static_cast<double>(count);
-  const double mean = sum / n;
-  const double variance = std::max(0.0, sum_of_squares / n - mean * mean) / std::max(1.0, n - 1);
-  const double missed = kMissedQueries * std::max(largest, missed_error * missed_error) / n;
-  return {std::sqrt(mean), std::sqrt(mean + kMargin * std::sqrt(variance) + missed)};
-}
-
-/// The group sizes that may be chosen, in the order in which they are tried.
-std::vector<std::uint32_t> GroupSizes(const Approximation& approximation) {
-  if (approximation.max_relative_error == 0) return {approximation.merged_photons};
-  std::vector<std::uint32_t> sizes;
-  for (std::uint32_t size = kMaxMergedPhotons; size > 1; size /= 2) sizes.push_back(size);
-  return sizes;
-}
-
-/// Photons that one merged photon stands for, mean.
-double GroupSize(const Gatherer& map, const Gatherer& merged) {
-  return static_cast<double>(map.photon_count()) / static_cast<double>(merged.photon_count());
-}
-
-/// The merged photons that k photons become.
-std::uint32_t MergedK(std::uint32_t k, double group_size) {
-  return std::max(1u, static_cast<std::uint32_t>(k / group_size + 0.5));
-}
-
-template <typename T>
-double Mean(const std::vector<T>& numbers) {
-  return std::accumulate(numbers.begin(), numbers.end(), 0.0) / static_cast<double>(numbers.size());
-}
-
-/// What is gathered exactly for an answer that may be merged.
-GatherOptions ExactOptions(const GatherOptions& options) {
-  GatherOptions exact = options;
-  exact.approximation = {};
-  exact.outputs |= kOutputCount;
-  return exact;
-}
-
-void AddTimes(const GatherTimes& more, GatherTimes& times) {
-  times.upload_us += more.upload_us;
-  times.kernel_us += more.kernel_us;
-  times.download_us += more.download_us;
-}
 
 /// Answers those queries exactly that found too few merged photons.
 absl::Status AnswerExactly(const Gatherer& map, const GatherQueries& queries,
@@ -153,155 +26,25 @@ absl::Status AnswerExactly(const Gatherer& map, const GatherQueries& queries,
     if (!result.radii.empty()) result.radii[few[i]] = exact->radii[i];
     std::copy_n(&exact->densities[3 * i], 3, &result.densities[3 * std::size_t{few[i]}]);
   }
-  AddTimes(exact->times, result.times);
+  result.times += exact->times;
   return absl::OkStatus();
 }
 
-/// One choice. Costs are of a query, mean, in photons that are compared.
-class Chooser {
- public:
-  Chooser(const Gatherer& map, const GatherQueries& queries, const GatherOptions& options,
-          const CancelCheck& cancelled)
-      : map_(map),
-        queries_(queries),
-        options_(options),
-        cancelled_(cancelled),
-        keeps_error_(options.approximation.max_relative_error > 0),
-        count_(SampleSize(queries, options.approximation.max_relative_error)),
-        sample_(queries, Sample(queries.size(), count_)) {}
-
-  absl::StatusOr<MergeChoice> Run(const MergedMapOf& merged_map) {
-    if (auto status = CountPhotons(); !status.ok()) return status;
-    if (keeps_error_ && !MayGain()) return choice_;
-    auto exact = map_.Gather(sample_.view(), ExactOptions(options_), cancelled_);
-    if (!exact.ok()) return exact.status();
-    exact_ = *std::move(exact);
-    AddTimes(exact_.times, choice_.times);
-    photons_ = Mean(exact_.counts);
-    choice_.reason = ExactReason::kFewPhotons;
-    spent_ = ExactCost();
-    for (const std::uint32_t size : GroupSizes(options_.approximation)) {
-      // Groups are more than half full.
-      if (photons_ < double{kFewestMergedPhotons} * size / 2) continue;
-      if (choice_.merged_photons > 0 && PlaceCost(2 * photons_ / size) >= cost_) break;
-      const auto merged = merged_map(size);
-      if (absl::IsResourceExhausted(merged.status())) {
-        if (choice_.merged_photons == 0) choice_.reason = ExactReason::kNoMemory;
-        break;
-      }
-      if (!merged.ok()) return merged.status();
-      if (auto status = Try(size, *merged); !status.ok()) return status;
-    }
-    return choice_;
-  }
-
- private:
-  /// So many that what they may have missed takes half of the error, at most.
-  static std::size_t SampleSize(const GatherQueries& queries, double error) {
-    const std::size_t part = (queries.size() + kSampledPart - 1) / kSampledPart;
-    const std::size_t count = std::min(part, kMostSamples);
-    if (error == 0) return count;
-    const double missed = MissedError(queries) / error;
-    const double needed = std::max(2 * kMissedQueries * missed * missed, double{kFewestSamples});
-    const auto all = static_cast<double>(queries.size());
-    return std::max(count, static_cast<std::size_t>(std::min(std::ceil(needed), all)));
-  }
-
-  static double PlaceCost(double photons) { return kPlaceCost + photons; }
-  double ExactCost() const { return PlaceCost(photons_); }
-
-  /// How many photons the queries find: k at most, or by their number alone, which is cheap.
-  absl::Status CountPhotons() {
-    photons_ = options_.k;
-    if (!keeps_error_ || options_.k > 0) return absl::OkStatus();
-    GatherOptions counts = ExactOptions(options_);
-    counts.outputs = kOutputCount;
-    const auto counted =
-        map_.Gather({.positions = sample_.positions, .radii = sample_.radii}, counts, cancelled_);
-    if (!counted.ok()) return counted.status();
-    AddTimes(counted->times, choice_.times);
-    photons_ = Mean(counted->counts);
-    return absl::OkStatus();
-  }
-
-  /// Whether the fewest photons that an answer may be made of gain at least twice what the sample
-  /// costs, which is answered in two ways.
-  bool MayGain() {
-    const double gained = ExactCost() - PlaceCost(kFewestMergedPhotons);
-    const auto all = static_cast<double>(queries_.size()), sampled = static_cast<double>(count_);
-    choice_.reason =
-        photons_ < 2 * kFewestMergedPhotons ? ExactReason::kFewPhotons : ExactReason::kFewQueries;
-    return choice_.reason == ExactReason::kFewQueries &&
-           all * gained > 2 * 2 * sampled * ExactCost();
-  }
-
-  /// Answers the sample from `merged`, and takes its group size where that is good and cheaper.
-  absl::Status Try(std::uint32_t size, std::shared_ptr<const Gatherer> merged) {
-    const double group_size = GroupSize(map_, *merged);
-    if (options_.k > 0 && MergedK(options_.k, group_size) < kFewestMergedPhotons) {
-      return absl::OkStatus();
-    }
-    const auto answer = GatherMerged(map_, *merged, sample_.view(), options_, cancelled_);
-    if (!answer.ok()) return answer.status();
-    AddTimes(answer->times, choice_.times);
-    const SampledError error = ErrorOf(*answer, exact_, count_, MissedError(queries_));
-    const double cost = PlaceCost(photons_ / group_size) + ExactCost() * (1 - Mean(answer->merged));
-    spent_ += cost;
-    const bool is_within =
-        !keeps_error_ || error.limit <= options_.approximation.max_relative_error;
-    const bool is_cheaper = !keeps_error_ || IsCheaper(cost);
-    if (choice_.merged_photons > 0 && !(is_within && is_cheaper)) return absl::OkStatus();
-    choice_.sampled = static_cast<std::uint32_t>(count_);
-    choice_.measured_error = static_cast<float>(error.measured);
-    choice_.error_limit = static_cast<float>(error.limit);
-    if (is_within && is_cheaper) {
-      choice_.merged_photons = size;
-      choice_.merged = std::move(merged);
-      choice_.reason = ExactReason::kNone;
-      cost_ = cost;
-    } else {
-      choice_.reason = is_within ? ExactReason::kFewPhotons : ExactReason::kErrorTooBig;
-    }
-    return absl::OkStatus();
-  }
-
-  /// Than the best so far, or than all exact, where what the sample cost is gained back.
-  bool IsCheaper(double cost) const {
-    if (choice_.merged_photons > 0) return cost < cost_;
-    const auto all = static_cast<double>(queries_.size()), sampled = static_cast<double>(count_);
-    return all * cost + sampled * spent_ < all * ExactCost();
-  }
-
-  const Gatherer& map_;
-  const GatherQueries& queries_;
-  const GatherOptions& options_;
-  const CancelCheck& cancelled_;
-  const bool keeps_error_;
-  const std::size_t count_;  // queries of the sample
-  const SomeQueries sample_;
-  GatherResult exact_;
-  double photons_ = 0;  // that a query finds, mean
-  double spent_ = 0;    // on each query of the sample
-  double cost_ = 0;     // of choice_
-  MergeChoice choice_;
-};
-
 }  // namespace
 
-std::string_view NameOf(ExactReason reason) {
-  switch (reason) {
-    case ExactReason::kNone:
-      return "";
-    case ExactReason::kFewQueries:
-      return "few_queries";
-    case ExactReason::kFewPhotons:
-      return "few_photons";
-    case ExactReason::kErrorTooBig:
-      return "error_too_big";
-    case ExactReason::kNoMemory:
-      return "no_memory";
-  }
-  return "unknown";
+double GroupSize(const Gatherer& map, const Gatherer& merged) {
+  return static_cast<double>(map.photon_count()) / static_cast<double>(merged.photon_count());
+}
+
+std::uint32_t MergedK(std::uint32_t k, double group_size) {
+  return std::max(1u, static_cast<std::uint32_t>(k / group_size + 0.5));
+}
+
+GatherOptions ExactOptions(const GatherOptions& options) {
+  GatherOptions exact = options;
+  exact.approximation = {};
+  exact.outputs |= kOutputCount;
+  return exact;
 }
 
 absl::StatusOr<GatherResult> GatherMerged(const Gatherer& map, const Gatherer& merged,
@@ -325,12 +68,6 @@ absl::StatusOr<GatherResult> GatherMerged(const Gatherer& map, const Gatherer& m
   if (!status.ok()) return status;
   if ((options.outputs & kOutputCount) == 0) result->counts.clear();
   return result;
-}
-
-absl::StatusOr<MergeChoice> ChooseMerge(const Gatherer& map, const MergedMapOf& merged_map,
-                                        const GatherQueries& queries, const GatherOptions& options,
-                                        const CancelCheck& cancelled) {
-  return Chooser(map, queries, options, cancelled).Run(merged_map);
 }
 
 }  // namespace treelight

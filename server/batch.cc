@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "core/merged_gather.h"
 #include "fmt/format.h"
 #include "server/answer.h"
 #include "server/break_switch.h"

@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "core/gatherer.h"
-#include "core/merged_gather.h"
+#include "core/merge_choice.h"
 #include "server/call.h"
 #include "server/convert.h"
 #include "server/map_store.h"

@@ -12,7 +12,7 @@
 #include "core/build_chooser.h"
 #include "core/builder.h"
 #include "core/gatherer.h"
-#include "core/merged_gather.h"
+#include "core/merge_choice.h"
 #include "server/map_store.h"
 #include "server/options.h"
 #include "treelight/v1/photon_map.pb.h"

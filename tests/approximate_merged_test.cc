@@ -11,6 +11,7 @@
 
 #include "core/builder.h"
 #include "core/gatherer.h"
+#include "core/merge_choice.h"
 #include "core/merged_gather.h"
 #include "core/model/merge_photons.h"
 #include "gmock/gmock.h"

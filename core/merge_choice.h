@@ -1,0 +1,59 @@
+#ifndef TREELIGHT_CORE_MERGE_CHOICE_H_
+#define TREELIGHT_CORE_MERGE_CHOICE_H_
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "core/gatherer.h"
+
+// How many merged photons a batch may do with: what Approximation::max_relative_error leaves to the
+// server.
+namespace treelight {
+
+/// Why a batch that need not be exact is.
+enum class ExactReason {
+  kNone,         ///< it is not
+  kFewQueries,   ///< too few: sampling them would cost what it gains
+  kFewPhotons,   ///< its queries find so few photons that merged ones cost as much
+  kErrorTooBig,  ///< no group size was found to keep within the error
+  kNoMemory,     ///< there is none for merged photons
+};
+
+/// "", "few_queries", "few_photons", "error_too_big", "no_memory".
+std::string_view NameOf(ExactReason reason);
+
+/// What was chosen for a batch, and the error that was measured.
+///
+/// The error of a query is |density / exact density - 1|, of the sum of the channels; 0 where both
+/// are 0, and 1 where only the exact one is. That of a batch is the root of the mean square.
+struct MergeChoice {
+  std::uint32_t merged_photons = 0;        ///< group size; 0: exact, and `reason` says why
+  std::shared_ptr<const Gatherer> merged;  ///< the map of that size, or null
+  ExactReason reason = ExactReason::kNone;
+  std::uint32_t sampled = 0;  ///< queries that were answered both ways
+  float measured_error = 0;   ///< of the sample; where it is exact, of the last size that was tried
+  float error_limit = 0;      ///< what the error of the batch is taken to be at most
+  GatherTimes times;          ///< of the sample
+};
+
+/// The map of merged photons of a group size; RESOURCE_EXHAUSTED where there is no memory for it.
+using MergedMapOf =
+    std::function<absl::StatusOr<std::shared_ptr<const Gatherer>>(std::uint32_t group_size)>;
+
+/// Chooses how a batch is gathered whose options have Approximation::merges(). A sample of it, one
+/// query in 32, at least 128 and more for small errors and for normals, is answered exactly and,
+/// for max_relative_error, from the largest groups that an answer may be made of, then by ever
+/// smaller ones, until the error is within and smaller ones would cost more. Within means: the mean
+/// square, three standard errors of it, and what a sample of this size may have missed. Nothing is
+/// timed: the same batch gives the same choice. The errors of Gatherer::Gather, and of `merged_map`
+/// other than RESOURCE_EXHAUSTED.
+absl::StatusOr<MergeChoice> ChooseMerge(const Gatherer& map, const MergedMapOf& merged_map,
+                                        const GatherQueries& queries, const GatherOptions& options,
+                                        const CancelCheck& cancelled = {});
+
+}  // namespace treelight
+
+#endif  // TREELIGHT_CORE_MERGE_CHOICE_H_
