@@ -1,6 +1,5 @@
 #include "client/accuracy/accuracy.h"
 
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <utility>
@@ -9,8 +8,8 @@
 #include "client/accuracy/charts.h"
 #include "client/commands/command.h"
 #include "client/commands/output.h"
+#include "client/commands/report.h"
 #include "client/commands/server_option.h"
-#include "client/output_file.h"
 #include "client/scenes/load_scene.h"
 #include "fmt/format.h"
 
@@ -20,51 +19,36 @@ namespace {
 struct Options {
   AccuracyPlan plan;
   std::vector<std::string> scenes = {"cornell"};
-  std::string output = "accuracy";
-  std::vector<std::string> from;  // accuracy.csv files
-  bool charts = true;
+  Report report = {.folder = "accuracy", .from = {}};
 };
 
-std::string InFolder(const Options& options, const std::string& name) {
-  return (std::filesystem::path(options.output) / name).string();
-}
-
-/// accuracy.csv has what was measured, also where it ends with an error.
 absl::Status Measure(const Options& options, const GlobalOptions& global) {
   const auto client = Connect(global);
   if (!client.ok()) return client.status();
-  auto file = OutputFile::Create(InFolder(options, "accuracy.csv"));
-  if (!file.ok()) return file.status();
-  if (auto status = file->Write(AccuracyCsvHeader()); !status.ok()) return status;
-  absl::Status status;
-  for (const std::string& name : options.scenes) {
-    auto loaded = LoadScene(name);
-    if (!loaded.ok()) {
-      status = loaded.status();
-      break;
+  const auto measure = [&](const auto& write) {
+    for (const std::string& name : options.scenes) {
+      auto loaded = LoadScene(name);
+      if (!loaded.ok()) return loaded.status();
+      for (const std::string& note : loaded->notes) Warn(note);
+      const auto status = MeasureAccuracy(
+          **client, std::move(loaded->scene), options.plan, [&](const AccuracyRow& row) {
+            fmt::print(stderr, "{}, k {}, {} {:g}: density off by {:.2g}, {:.0f} ns\n", row.scene,
+                       row.setting.k, KnobName(row.setting.knob), row.setting.value,
+                       row.error.density, row.speed.kernel_ns);
+            return write(AccuracyCsvLine(row));
+          });
+      if (!status.ok()) return status;
     }
-    for (const std::string& note : loaded->notes) Warn(note);
-    status = MeasureAccuracy(
-        **client, std::move(loaded->scene), options.plan, [&](const AccuracyRow& row) {
-          fmt::print(stderr, "{}, k {}, {} {:g}: density off by {:.2g}, {:.0f} ns\n", row.scene,
-                     row.setting.k, KnobName(row.setting.knob), row.setting.value,
-                     row.error.density, row.speed.kernel_ns);
-          return file->Write(AccuracyCsvLine(row));
-        });
-    if (!status.ok()) break;
-  }
-  status.Update(file->Commit());
-  return status;
+    return absl::OkStatus();
+  };
+  return WriteLines(options.report.File("accuracy.csv"), AccuracyCsvHeader(), measure);
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  if (auto status = MakeFolder(options.output); !status.ok()) return status;
-  std::vector<std::string> csv_paths = options.from;
-  if (csv_paths.empty()) {
-    if (auto status = Measure(options, global); !status.ok()) return status;
-    csv_paths = {InFolder(options, "accuracy.csv")};
-  }
-  return options.charts ? DrawAccuracyCharts(csv_paths, options.output) : absl::OkStatus();
+  const auto csv_paths =
+      MeasureReport(options.report, {"accuracy.csv"}, [&] { return Measure(options, global); });
+  if (!csv_paths.ok() || !options.report.charts) return csv_paths.status();
+  return DrawAccuracyCharts(*csv_paths, options.report.folder);
 }
 
 }  // namespace
@@ -120,14 +104,7 @@ void AddAccuracyCommand(CLI::App& app, GlobalOptions& global) {
                    "Samples per pixel of the path-traced reference")
       ->capture_default_str()
       ->check(CLI::Range(2u, 1'000'000u));
-  command
-      ->add_option("--from", options->from,
-                   "Measures nothing: draws the rows of these accuracy.csv files")
-      ->type_name("FILE");
-  command->add_option("--output", options->output, "Folder for accuracy.csv and the charts")
-      ->capture_default_str()
-      ->type_name("FOLDER");
-  command->add_flag("!--no-charts", options->charts, "Leaves the charts out");
+  AddReportOptions(*command, options->report, "accuracy.csv");
   command->callback(
       [options, &global] { global.action = [options, &global] { return Run(*options, global); }; });
 }

@@ -1,7 +1,6 @@
 #include "client/bench/bench.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <random>
@@ -16,8 +15,8 @@
 #include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/output.h"
+#include "client/commands/report.h"
 #include "client/commands/server_option.h"
-#include "client/output_file.h"
 #include "core/floors.h"
 #include "fmt/format.h"
 
@@ -32,10 +31,9 @@ struct Options {
   BenchPlan plan;
   bool queries_given = false, threads_given = false;
   std::uint32_t fresh_seeds = 1;
-  bool local = false, quick = false, charts = true, choices = false;
+  bool local = false, quick = false, choices = false;
   DeviceOptions device;
-  std::string output = "bench";
-  std::vector<std::string> from;
+  Report report = {.folder = "bench", .from = {}};
 };
 
 /// What is measured, and what it consists of.
@@ -130,18 +128,6 @@ absl::Status Measure(const Options& options, const GlobalOptions& global) {
         "native CPU are they varied",
         device->info.name));
   }
-  auto file = OutputFile::Create((std::filesystem::path(options.output) / "bench.csv").string());
-  if (!file.ok()) return file.status();
-  if (auto status = file->Write(BenchCsvHeader()); !status.ok()) return status;
-  std::vector<BenchRow> rows;
-  const BenchListener listener{
-      .row =
-          [&](const BenchRow& row) {
-            rows.push_back(row);
-            return file->Write(BenchCsvLine(row));
-          },
-      .progress = [](const std::string& line) { fmt::print(stderr, "{}\n", line); },
-      .note = [](const std::string& line) { Warn(line); }};
   const BenchDevice measured{.builder = *device->builder,
                              .floors = device->floors.get(),
                              .machine = device->machine,
@@ -149,8 +135,19 @@ absl::Status Measure(const Options& options, const GlobalOptions& global) {
                              .threads = device->is_own_cpu ? device->info.compute_units : 0,
                              .host_bytes = device->host_bytes,
                              .maps_on_host = device->info.type == "cpu"};
-  absl::Status status = RunBench(measured, CompletePlan(options, *device), listener);
-  status.Update(file->Commit());  // what was measured is written, also where it ends with an error
+  std::vector<BenchRow> rows;
+  const auto measure = [&](const auto& write) {
+    const BenchListener listener{
+        .row =
+            [&](const BenchRow& row) {
+              rows.push_back(row);
+              return write(BenchCsvLine(row));
+            },
+        .progress = [](const std::string& line) { fmt::print(stderr, "{}\n", line); },
+        .note = [](const std::string& line) { Warn(line); }};
+    return RunBench(measured, CompletePlan(options, *device), listener);
+  };
+  const auto status = WriteLines(options.report.File("bench.csv"), BenchCsvHeader(), measure);
   fmt::print("{}\n{}\n{}", device->info.name, device->machine, BenchTable(rows));
   return status;
 }
@@ -159,9 +156,6 @@ absl::Status Measure(const Options& options, const GlobalOptions& global) {
 absl::Status MeasureChoices(const Options& options) {
   auto device = OpenLocal(options.device);
   if (!device.ok()) return device.status();
-  auto file = OutputFile::Create((std::filesystem::path(options.output) / "choices.csv").string());
-  if (!file.ok()) return file.status();
-  if (auto status = file->Write(ChoiceCsvHeader()); !status.ok()) return status;
   const BenchPlan plan = CompletePlan(options, *device);
   ChoicePlan choices{.sets = plan.sets,
                      .photons = plan.photons,
@@ -170,28 +164,29 @@ absl::Status MeasureChoices(const Options& options) {
                      .seeds = plan.fresh_seeds};
   choices.seeds.insert(choices.seeds.begin(), plan.seed);
   std::vector<ChoiceRow> rows;
-  absl::Status status = CheckChoices(
-      *device->builder, choices,
-      [&](const ChoiceRow& row) {
-        rows.push_back(row);
-        return file->Write(ChoiceCsvLine(row));
-      },
-      [](const std::string& line) { fmt::print(stderr, "{}\n", line); });
-  status.Update(file->Commit());
+  const auto measure = [&](const auto& write) {
+    return CheckChoices(
+        *device->builder, choices,
+        [&](const ChoiceRow& row) {
+          rows.push_back(row);
+          return write(ChoiceCsvLine(row));
+        },
+        [](const std::string& line) { fmt::print(stderr, "{}\n", line); });
+  };
+  const auto status = WriteLines(options.report.File("choices.csv"), ChoiceCsvHeader(), measure);
   fmt::print("{}\n{}\n{}", device->info.name, device->machine, ChoiceTable(rows));
   return status;
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  if (auto status = MakeFolder(options.output); !status.ok()) return status;
-  if (options.choices) return MeasureChoices(options);
-  std::vector<std::string> csv_paths = options.from;
-  if (csv_paths.empty()) {
-    if (auto status = Measure(options, global); !status.ok()) return status;
-    csv_paths = {(std::filesystem::path(options.output) / "bench.csv").string()};
+  const Report& report = options.report;
+  if (options.choices) {
+    return MeasureReport(report, {}, [&] { return MeasureChoices(options); }).status();
   }
-  if (!options.charts) return absl::OkStatus();
-  return DrawBenchCharts(csv_paths, options.output);
+  const auto csv_paths =
+      MeasureReport(report, {"bench.csv"}, [&] { return Measure(options, global); });
+  if (!csv_paths.ok() || !report.charts) return csv_paths.status();
+  return DrawBenchCharts(*csv_paths, report.folder);
 }
 
 void AddPlanOptions(CLI::App& command, Options& options) {
@@ -278,17 +273,11 @@ void AddBenchCommand(CLI::App& app, GlobalOptions& global) {
           "With --local: what --builder auto takes instead, beside the best that it may take, "
           "for 1e3 to 1e9 gathers; writes choices.csv")
       ->needs(command->get_option("--local"));
-  for (const char* other : {"--detail-photons", "--builders", "--leaf-sizes", "--k", "--threads"}) {
+  AddReportOptions(*command, options->report, "bench.csv");
+  for (const char* other :
+       {"--detail-photons", "--builders", "--leaf-sizes", "--k", "--threads", "--from"}) {
     command->get_option("--choices")->excludes(command->get_option(other));
   }
-  command
-      ->add_option("--from", options->from,
-                   "Measures nothing: draws the charts of these bench.csv files")
-      ->type_name("FILE");
-  command->add_option("--output", options->output, "Folder for bench.csv and the charts")
-      ->capture_default_str()
-      ->type_name("FOLDER");
-  command->add_flag("!--no-charts", options->charts, "Leaves the charts out");
   command->callback(
       [options, &global] { global.action = [options, &global] { return Run(*options, global); }; });
 }

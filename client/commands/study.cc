@@ -1,7 +1,6 @@
 #include "client/study/study.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -12,6 +11,7 @@
 #include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/output.h"
+#include "client/commands/report.h"
 #include "client/commands/server_option.h"
 #include "client/output_file.h"
 #include "client/study/charts.h"
@@ -24,14 +24,9 @@ namespace {
 
 struct Options {
   StudyPlan plan;
-  std::string output = "study";
-  std::vector<std::string> from;  // study.csv files
-  bool quick = false, charts = true;
+  Report report = {.folder = "study", .from = {}};
+  bool quick = false;
 };
-
-std::string InFolder(const Options& options, const std::string& name) {
-  return (std::filesystem::path(options.output) / name).string();
-}
 
 /// What can be seen in seconds: one built-in scene, few photons, few kinds of trees.
 StudyPlan QuickPlan() {
@@ -53,29 +48,26 @@ absl::Status WriteFile(const std::string& path, const std::string& text) {
   return file->Commit();
 }
 
-/// Runs the study; study.csv has what was measured, also where it ends with an error.
 absl::Status Measure(const Options& options, const GlobalOptions& global) {
   const auto client = Connect(global);
   if (!client.ok()) return client.status();
-  auto file = OutputFile::Create(InFolder(options, "study.csv"));
-  if (!file.ok()) return file.status();
-  if (auto status = file->Write(StudyCsvHeader()); !status.ok()) return status;
-  PhotonSetName photons;  // of the last row
-  const StudyListener listener{.row =
-                                   [&](const StudyRow& row) {
-                                     if (row.photons != photons) {
-                                       photons = row.photons;
-                                       fmt::print(stderr, "{}, {}{}{}, {} photons, seed {}\n",
-                                                  photons.scene, photons.set,
-                                                  photons.camera.empty() ? "" : " ", photons.camera,
-                                                  photons.photons, photons.seed);
-                                     }
-                                     return file->Write(StudyCsvLine(row));
-                                   },
-                               .note = [](const std::string& line) { Warn(line); }};
-  absl::Status status = RunStudy(**client, options.plan, listener);
-  status.Update(file->Commit());
-  return status;
+  const auto measure = [&](const auto& write) {
+    PhotonSetName photons;  // of the last row
+    const StudyListener listener{.row =
+                                     [&](const StudyRow& row) {
+                                       if (row.photons != photons) {
+                                         photons = row.photons;
+                                         fmt::print(stderr, "{}, {}{}{}, {} photons, seed {}\n",
+                                                    photons.scene, photons.set,
+                                                    photons.camera.empty() ? "" : " ",
+                                                    photons.camera, photons.photons, photons.seed);
+                                       }
+                                       return write(StudyCsvLine(row));
+                                     },
+                                 .note = [](const std::string& line) { Warn(line); }};
+    return RunStudy(**client, options.plan, listener);
+  };
+  return WriteLines(options.report.File("study.csv"), StudyCsvHeader(), measure);
 }
 
 absl::StatusOr<std::vector<StudyRow>> Read(const std::vector<std::string>& paths) {
@@ -92,23 +84,19 @@ absl::StatusOr<std::vector<StudyRow>> Read(const std::vector<std::string>& paths
 }
 
 absl::Status Run(const Options& options, const GlobalOptions& global) {
-  if (auto status = MakeFolder(options.output); !status.ok()) return status;
-  std::vector<std::string> csv_paths = options.from;
-  if (csv_paths.empty()) {
-    if (auto status = Measure(options, global); !status.ok()) return status;
-    csv_paths = {InFolder(options, "study.csv")};
-  }
-  const auto rows = Read(csv_paths);  // what is summed up is what is written
+  const Report& report = options.report;
+  const auto csv_paths =
+      MeasureReport(report, {"study.csv"}, [&] { return Measure(options, global); });
+  if (!csv_paths.ok()) return csv_paths.status();
+  const auto rows = Read(*csv_paths);  // what is summed up is what is written
   if (!rows.ok()) return rows.status();
   const std::vector<SummaryRow> summary = Summarise(*rows);
-  if (auto status = WriteFile(InFolder(options, "summary.csv"), SummaryCsv(summary)); !status.ok())
+  if (auto status = WriteFile(report.File("summary.csv"), SummaryCsv(summary)); !status.ok())
     return status;
   const std::string tables = SummaryTables(summary);
-  if (auto status = WriteFile(InFolder(options, "summary.txt"), tables); !status.ok())
-    return status;
+  if (auto status = WriteFile(report.File("summary.txt"), tables); !status.ok()) return status;
   fmt::print("{}", tables);
-  if (!options.charts) return absl::OkStatus();
-  return DrawCharts(csv_paths, options.output);
+  return report.charts ? DrawCharts(*csv_paths, report.folder) : absl::OkStatus();
 }
 
 std::vector<std::string> StudyLabels() {
@@ -190,25 +178,17 @@ void AddStudyCommand(CLI::App& app, GlobalOptions& global) {
   CLI::Option* quick =
       command->add_flag("--quick", options->quick,
                         "A look in seconds: one built-in scene, few photons and kinds of trees");
-  CLI::Option* from = command
-                          ->add_option("--from", options->from,
-                                       "Measures nothing: takes the rows of these study.csv files")
-                          ->type_name("FILE")
-                          ->excludes(quick);
+  const std::vector<CLI::Option*> of_plan = command->get_options();
+  CLI::Option* from = AddReportOptions(*command, options->report, "study.csv",
+                                       "study.csv, summary.csv, summary.txt");
   // Both leave the plan unread; --scenes may come from the environment.
-  for (CLI::Option* option : command->get_options()) {
-    if (option == quick || option == from || option == command->get_help_ptr() ||
-        !option->get_envname().empty()) {
+  from->excludes(quick);
+  for (CLI::Option* option : of_plan) {
+    if (option == quick || option == command->get_help_ptr() || !option->get_envname().empty()) {
       continue;
     }
     option->excludes(quick)->excludes(from);
   }
-  command
-      ->add_option("--output", options->output,
-                   "Folder for study.csv, summary.csv, summary.txt and the charts")
-      ->capture_default_str()
-      ->type_name("FOLDER");
-  command->add_flag("!--no-charts", options->charts, "Leaves the charts out");
   command->callback([options, &global] {
     std::erase(options->plan.light_photons, 0u);
     if (options->quick) options->plan = QuickPlan();
