@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "client/chart_style_script.h"
 #include "client/output_file.h"
 #include "fmt/format.h"
 
@@ -52,16 +53,23 @@ std::string LastLine(const std::string& text) {
   return text.substr(begin == std::string::npos ? 0 : begin + 1, end - begin);
 }
 
+absl::Status WriteScript(const std::string& path, std::string_view script) {
+  auto file = OutputFile::Create(path);
+  if (!file.ok()) return file.status();
+  if (auto status = file->Write(script); !status.ok()) return status;
+  return file->Commit();
+}
+
 }  // namespace
 
 absl::Status RunChartScript(std::string_view script, const std::vector<std::string>& csv_paths,
                             const std::string& folder) {
-  const std::string path = (std::filesystem::path(folder) / "charts.py").string();
-  auto file = OutputFile::Create(path);
-  if (!file.ok()) return file.status();
-  if (auto status = file->Write(script); !status.ok()) return status;
-  if (auto status = file->Commit(); !status.ok()) return status;
-  std::vector<std::string> words = {FindPython(), path, folder};
+  const std::filesystem::path parent = folder;
+  const std::string path = (parent / "charts.py").string();
+  if (auto status = WriteScript((parent / "chart_style.py").string(), kChartStyle); !status.ok())
+    return status;
+  if (auto status = WriteScript(path, script); !status.ok()) return status;
+  std::vector<std::string> words = {FindPython(), "-B", path, folder};
   words.insert(words.end(), csv_paths.begin(), csv_paths.end());
   std::string error;
   const int exit_code = RunProgram(words, error);

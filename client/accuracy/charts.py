@@ -4,18 +4,9 @@
 A panel for each scene and k. Lines join the settings that no other beats in both error and time: the Pareto fronts.
 Needs python3-matplotlib. `treelight accuracy` runs this.
 """
-import csv
 import sys
 
-try:
-    import matplotlib
-except ModuleNotFoundError:
-    sys.exit("the charts need matplotlib: apt install python3-matplotlib")
-
-matplotlib.use("Agg")
-matplotlib.rcParams["svg.hashsalt"] = "treelight"  # the same file for the same rows
-matplotlib.rcParams["font.size"] = 9
-from matplotlib import pyplot  # noqa: E402
+from chart_style import pyplot, read, save
 
 STYLES = {
     "exact": ("k nearest, exact", "o", "#444444"),
@@ -30,19 +21,8 @@ STYLES = {
     "error_within": ("an error asked for, within a radius", "*", "#8c1a6a"),
 }
 WITHIN = ("radius", "weight_tolerance", "merged_within", "error_within")
+NUMBERS = ("value", "k", "density_error", "kernel_ns", "picture_rmse", "picture_s", "reference_noise")
 LEAST = 1e-7  # what is exact is drawn here: errors of float's roundings
-
-
-def read(path):
-    with open(path, newline="") as file:
-        rows = list(csv.DictReader(file))
-    for line, row in enumerate(rows, start=2):
-        try:
-            for column in ("value", "k", "density_error", "kernel_ns", "picture_rmse", "picture_s", "reference_noise"):
-                row[column] = float(row[column])
-        except (KeyError, TypeError, ValueError) as error:
-            sys.exit(f"{path}:{line}: not a row of accuracy.csv: {error}")
-    return rows
 
 
 def front(points):
@@ -92,16 +72,13 @@ def draw(rows, folder, name, time, error, labels):
     handles = dict(zip(*reversed(grid[0][0].get_legend_handles_labels())))
     columns = 2 * len(ks)
     lines = -(-len(handles) // columns)
-    figure.tight_layout(rect=(0, (0.1 + 0.17 * lines) / (3.2 * len(scenes)), 1, 1))
     figure.legend(handles.values(), handles.keys(), ncol=columns, loc="lower center", fontsize=7)
-    for ending in ("png", "svg"):
-        figure.savefig(f"{folder}/{name}.{ending}", dpi=130, metadata={"Date": None} if ending == "svg" else None)
-    pyplot.close(figure)
+    save(figure, folder, name, (0, (0.1 + 0.17 * lines) / (3.2 * len(scenes)), 1, 1))
 
 
 def main():
     folder, paths = sys.argv[1], sys.argv[2:]
-    rows = [row for path in paths for row in read(path)]
+    rows = [row for path in paths for row in read(path, NUMBERS, ("scene", "knob"))]
     draw(rows, folder, "density", "kernel_ns", "density_error",
          ("time of a gather on the device, ns", "density, relative RMS error"))
     draw([row for row in rows if row["picture_s"] > 0], folder, "pictures", "picture_s", "picture_rmse",

@@ -5,43 +5,14 @@ Points are medians, bars reach from the least to the largest. A builder is shown
 the median. Needs python3-matplotlib. `treelight bench` runs this.
 """
 import collections
-import csv
 import sys
 
-try:
-    import matplotlib
-except ModuleNotFoundError:
-    sys.exit("the charts need matplotlib: apt install python3-matplotlib")
-
-matplotlib.use("Agg")
-matplotlib.rcParams["svg.hashsalt"] = "treelight"  # the same file for the same rows
-matplotlib.rcParams["font.size"] = 9
-from matplotlib import pyplot  # noqa: E402
+from chart_style import pyplot, read, save, unique
 
 COLORS = ["#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f"]
 NUMBERS = ("photons", "k", "radius", "queries", "threads", "leaf_size", "per_second", "device_min_ms", "device_median_ms",
            "device_max_ms")
 TEXTS = ("figure", "name", "set", "fresh", "builder", "answers", "order", "machine", "device")
-
-
-def read(path):
-    with open(path, newline="") as file:
-        reader = csv.DictReader(file)
-        for column in NUMBERS + TEXTS:
-            if column not in (reader.fieldnames or []):
-                sys.exit(f"{path}:1: the columns are not those of a bench: there is no {column}")
-        rows = list(reader)
-    for line, row in enumerate(rows, start=2):
-        for column in NUMBERS:
-            try:
-                row[column] = float(row[column])
-            except (TypeError, ValueError):
-                sys.exit(f"{path}:{line}: {column} is {row[column]!r}, no number")
-    return [row for row in rows if row["fresh"] == "0"]
-
-
-def unique(values):
-    return list(dict.fromkeys(values))
 
 
 def colored(names):
@@ -81,12 +52,9 @@ def panels_for(titles, width=5.2, height=4.4):
     return figure, panels[0]
 
 
-def save(figure, folder, name, title):
+def save_titled(figure, folder, name, title):
     figure.suptitle(title, fontsize=10)
-    figure.tight_layout()
-    figure.savefig(f"{folder}/{name}.png", dpi=120, metadata={"Software": None})
-    figure.savefig(f"{folder}/{name}.svg", metadata={"Date": None, "Creator": None})
-    pyplot.close(figure)
+    save(figure, folder, name)
 
 
 def all_threads(rows):
@@ -115,7 +83,7 @@ def builds(rows, folder):
                 line(panel, found, "photons", lambda ms, _: ms, color="#777777", linestyle=style, label=f"floor: {floor}")
         panel.set(xscale="log", yscale="log", xlabel="photons", ylabel="ms on the device's clock")
         panel.legend(fontsize=7)
-    save(figure, folder, "builds", f"Builds, each at its best leaf size: {where(rows)}")
+    save_titled(figure, folder, "builds", f"Builds, each at its best leaf size: {where(rows)}")
 
 
 def stages(rows, folder):
@@ -152,7 +120,7 @@ def stages(rows, folder):
                          fontsize=6, rotation=60)
         panel.set(ylabel="percent of the stages", ylim=(0, 112))
         panel.legend(fontsize=6, loc="upper left", bbox_to_anchor=(1, 1))
-    save(figure, folder, "stages", f"What builds consist of: {where(rows)}")
+    save_titled(figure, folder, "stages", f"What builds consist of: {where(rows)}")
 
 
 def gathers_over_k(rows, folder):
@@ -178,7 +146,7 @@ def gathers_over_k(rows, folder):
                          linestyle=style, label=f"{builder}, {label}")
         panel.set(xscale="log", yscale="log", xlabel="k", ylabel="M gathers/s of the device's time")
         panel.legend(fontsize=7)
-    save(figure, folder, "gathers_over_k",
+    save_titled(figure, folder, "gathers_over_k",
          f"Gathers of ids and distances, {photons:.0e} photons, random order: {where(rows)}".replace("e+0", "e"))
 
 
@@ -201,7 +169,7 @@ def gathers_over_photons(rows, folder):
                          linestyle=style, label=f"{search}, {order}")
         panel.set(xscale="log", yscale="log", xlabel="photons", ylabel="ns a gather of the device's time")
         panel.legend(fontsize=6)
-    save(figure, folder, "gathers_over_photons", f"What a gather costs, each in its best tree: {where(rows)}")
+    save_titled(figure, folder, "gathers_over_photons", f"What a gather costs, each in its best tree: {where(rows)}")
 
 
 def threads(rows, folder):
@@ -231,11 +199,11 @@ def threads(rows, folder):
         panel.set_xticks(sorted({row["threads"] for found in groups.values() for row in found}))
         panel.set(xlabel="threads", ylabel="times as fast as on the fewest")
         panel.legend(fontsize=7)
-    save(figure, folder, "threads", f"Threads of the CPU: {where(rows)}")
+    save_titled(figure, folder, "threads", f"Threads of the CPU: {where(rows)}")
 
 
 def main(folder, paths):
-    rows = [row for path in paths for row in read(path)]
+    rows = [row for path in paths for row in read(path, NUMBERS, TEXTS) if row["fresh"] == "0"]
     for chart in (builds, stages, gathers_over_k, gathers_over_photons, threads):
         chart(rows, folder)
 

@@ -3,18 +3,9 @@
 
 Needs python3-matplotlib. `treelight estimators` runs this.
 """
-import csv
 import sys
 
-try:
-    import matplotlib
-except ModuleNotFoundError:
-    sys.exit("the charts need matplotlib: apt install python3-matplotlib")
-
-matplotlib.use("Agg")
-matplotlib.rcParams["svg.hashsalt"] = "treelight"  # the same file for the same rows
-matplotlib.rcParams["font.size"] = 9
-from matplotlib import pyplot  # noqa: E402
+from chart_style import pyplot, read, save
 
 PLACES = ["plane", "sphere", "small_sphere", "edge", "corner_2", "corner_3", "peak", "beside"]
 KERNELS = {"constant": ("o", "#444444"), "cone": ("^", "#1f77b4"), "epanechnikov": ("s", "#d62728")}
@@ -22,32 +13,20 @@ RADII = {"nearest": ("k nearest", "-"), "fixed": ("fixed radius", "--")}
 METHODS = {"float": ("float32", "#d62728"), "lanes_32": ("float32, 32 lanes", "#ff7f0e"),
            "pairwise": ("float32, pairwise", "#2ca02c"), "compensated": ("float32, compensated", "#1f77b4"),
            "double": ("double", "#444444"), "gather": ("gather", "#9467bd")}
-NUMBERS = {"photons", "k", "samples", "bias", "standard_error", "deviation", "rms", "error", "nanoseconds"}
+NUMBERS = {"place": ("photons", "k", "samples", "bias", "standard_error", "deviation", "rms"),
+           "method": ("photons", "error", "nanoseconds")}  # by the first column of the file
 
 
-def read(paths):
+def read_all(paths):
     """Rows by the first column of their file."""
-    rows = {"place": [], "method": []}
+    rows = {kind: [] for kind in NUMBERS}
     for path in paths:
-        with open(path, newline="") as file:
-            reader = csv.DictReader(file)
-            kind = (reader.fieldnames or [""])[0]
-            if kind not in rows:
-                sys.exit(f"{path}:1: neither estimators.csv nor sums.csv")
-            for line, row in enumerate(reader, start=2):
-                try:
-                    rows[kind].append({key: float(value) if key in NUMBERS else value for key, value in row.items()})
-                except (TypeError, ValueError) as error:
-                    sys.exit(f"{path}:{line}: {error}")
+        with open(path) as file:
+            kind = file.readline().split(",")[0]
+        if kind not in rows:
+            sys.exit(f"{path}:1: neither estimators.csv nor sums.csv")
+        rows[kind] += read(path, NUMBERS[kind])
     return rows["place"], rows["method"]
-
-
-def save(figure, folder, name):
-    figure.tight_layout()
-    for suffix in ("png", "svg"):
-        metadata = {"Date": None} if suffix == "svg" else None
-        figure.savefig(f"{folder}/{name}.{suffix}", dpi=130, metadata=metadata)
-    pyplot.close(figure)
 
 
 def nearest(values, wanted):
@@ -131,7 +110,7 @@ def draw_sums(rows, folder):
 def main():
     if len(sys.argv) < 3:
         sys.exit(__doc__)
-    places, methods = read(sys.argv[2:])
+    places, methods = read_all(sys.argv[2:])
     if places:
         for draw in (draw_bias, draw_deviation, draw_caustic):
             draw(places, sys.argv[1])

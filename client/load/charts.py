@@ -5,38 +5,13 @@ One line for each percentile of each kind of request, from the runs of the open 
 sends were late is hollow, and has no p99: the tail would be that of the tool. The vertical line is what the closed loop
 reached. Needs python3-matplotlib. `treelight load --output` runs this.
 """
-import csv
 import sys
 
-try:
-    import matplotlib
-except ModuleNotFoundError:
-    sys.exit("the charts need matplotlib: apt install python3-matplotlib")
-
-matplotlib.use("Agg")
-matplotlib.rcParams["svg.hashsalt"] = "treelight"  # the same file for the same rows
-matplotlib.rcParams["font.size"] = 9
-from matplotlib import pyplot  # noqa: E402
+from chart_style import pyplot, read, save
 
 COLORS = {"gather": "#1f77b4", "build": "#d62728"}
 PERCENTILES = (("p50_ms", "-", "50 %"), ("p99_ms", "--", "99 %"), ("p999_ms", ":", "99.9 %"))
 NUMBERS = ("offered_per_s", "ok", "ok_per_s", "p50_ms", "p99_ms", "p999_ms")
-
-
-def read(path):
-    with open(path, newline="") as file:
-        reader = csv.DictReader(file)
-        for column in NUMBERS + ("kind", "loop"):
-            if column not in (reader.fieldnames or []):
-                sys.exit(f"{path}:1: the columns are not those of a load: there is no {column}")
-        rows = list(reader)
-    for line, row in enumerate(rows, start=2):
-        for column in NUMBERS:
-            try:
-                row[column] = float(row[column]) if row[column] else None
-            except ValueError:
-                sys.exit(f"{path}:{line}: {column} is {row[column]!r}, no number")
-    return rows
 
 
 def latencies(axes, rows):
@@ -73,7 +48,7 @@ def answers(axes, rows):
 
 
 folder = sys.argv[1]
-all_rows = [row for path in sys.argv[2:] for row in read(path)]
+all_rows = [row for path in sys.argv[2:] for row in read(path, NUMBERS, ("kind", "loop"), may_be_empty=True)]
 runs = sorted((row for row in all_rows if row["loop"] == "open" and row["ok"]), key=lambda row: row["offered_per_s"])
 if not runs:
     sys.exit("no run of the open loop (--rates, --sweep) was answered")
@@ -88,6 +63,4 @@ for panel in panels:
     panel.set_xlim(left=0)
     panel.grid(alpha=0.3)
     panel.legend()
-figure.tight_layout()
-for suffix in ("png", "svg"):
-    figure.savefig(f"{folder}/load.{suffix}", dpi=150, metadata={"Date": None} if suffix == "svg" else None)
+save(figure, folder, "load")

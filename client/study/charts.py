@@ -5,19 +5,10 @@ FOLDER has summary.csv and gets the charts; STUDY.csv are the rows that it sums 
 python3-matplotlib. `treelight study` runs this.
 """
 import collections
-import csv
 import math
 import sys
 
-try:
-    import matplotlib
-except ModuleNotFoundError:
-    sys.exit("the charts need matplotlib: apt install python3-matplotlib")
-
-matplotlib.use("Agg")
-matplotlib.rcParams["svg.hashsalt"] = "treelight"  # the same file for the same rows
-matplotlib.rcParams["font.size"] = 9
-from matplotlib import pyplot  # noqa: E402
+from chart_style import pyplot, read, save, unique
 
 # Table 1 of Bulavintsev and Zhdanov 2020: SAH surface and search speed, percent of LBVH.
 PAPER = {
@@ -42,11 +33,6 @@ CURVES_OF_ONE = {"treelet isa 7x3": "treelet isa+leaf 7x3", "hybrid isa 256": "h
                  "isa": "isa+leaf"}
 
 
-def read(path):
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def label(row):
     """As Label() of variant.cc."""
     text = row["builder"]
@@ -59,17 +45,6 @@ def label(row):
     if int(row["subtree_size"]) > 0:
         text += f" {row['subtree_size']}"
     return text
-
-
-def save(figure, folder, name, bottom=0):
-    figure.tight_layout(rect=(0, bottom, 1, 1))
-    figure.savefig(f"{folder}/{name}.png", dpi=120, metadata={"Software": None})
-    figure.savefig(f"{folder}/{name}.svg", metadata={"Date": None, "Creator": None})
-    pyplot.close(figure)
-
-
-def unique(values):
-    return list(dict.fromkeys(values))
 
 
 def half_width(row, field):
@@ -110,7 +85,7 @@ def table1(summary, folder):
         panel.set_title(f"{title}, percent of the baseline")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncol=2, fontsize=8)
     figure.suptitle("Table 1: image photons, leaves of one photon, searches for the photon itself")
-    save(figure, folder, "table1", bottom=0.2)
+    save(figure, folder, "table1", (0, 0.2, 1, 1))
 
 
 def leaf_sizes(rows, folder):
@@ -181,8 +156,8 @@ def build_times(summary, all_rows, folder):
 
 
 def main(folder, paths):
-    summary = read(f"{folder}/summary.csv")
-    rows = [row for path in paths for row in read(path)]
+    summary = read(f"{folder}/summary.csv", ())
+    rows = [row for path in paths for row in read(path, ())]
     table1(summary, folder)
     leaf_sizes(rows, folder)
     build_times(summary, rows, folder)
