@@ -129,12 +129,6 @@ TEST_P(EveryCloud, DensitiesAreWithinTheirBounds) {
   }
 }
 
-std::vector<std::string> CloudNames() {
-  std::vector<std::string> names;
-  for (const CloudShape& shape : AllClouds()) names.push_back(shape.name);
-  return names;
-}
-
 INSTANTIATE_TEST_SUITE_P(Clouds, EveryCloud, testing::ValuesIn(CloudNames()),
                          [](const auto& test) { return test.param; });
 

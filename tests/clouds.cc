@@ -243,6 +243,12 @@ const std::vector<CloudShape>& AllClouds() {
   return shapes;
 }
 
+std::vector<std::string> CloudNames() {
+  std::vector<std::string> names;
+  for (const CloudShape& shape : AllClouds()) names.push_back(shape.name);
+  return names;
+}
+
 const CloudShape& CloudNamed(const std::string& name) {
   for (const CloudShape& shape : AllClouds()) {
     if (shape.name == name) return shape;

@@ -20,6 +20,9 @@ struct CloudShape {
 /// caustics 1e5 times as dense as the rest, tiny, huge, as far as coordinates may be.
 const std::vector<CloudShape>& AllClouds();
 
+/// The names of all shapes: the parameters of a suite.
+std::vector<std::string> CloudNames();
+
 /// The shape of that name; aborts where there is none.
 const CloudShape& CloudNamed(const std::string& name);
 
