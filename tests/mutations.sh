@@ -44,8 +44,8 @@ gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_t
 gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_test
 ../cpu/batch_gather.cc @ s/(1 + 1e-5)/(1 - 1e-2)/ @ packed_search_test
 ../cpu/simd/packed_search_impl.h @ s/L::LessEqual(d2, L::All(candidates.limit()))/L::Less(d2, L::All(candidates.limit()))/ @ packed_search_test
-../cpu/simd/packed_search_impl.h @ s/if (tied > 1) return false;// @ packed_search_test
-../cpu/simd/packed_search_impl.h @ s/space_.KeepSmallestIds(nearer, tied, k_ - nearer);// @ packed_search_test
+../cpu/simd/candidates.h @ s/if (tied > 1) return false;// @ packed_search_test
+../cpu/simd/candidates.h @ s/space_.KeepSmallestIds(nearer, tied, k_ - nearer);// @ packed_search_test
 '
 
 copy=build-mutations/source
