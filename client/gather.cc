@@ -41,13 +41,11 @@ GatherQueries Slice(const GatherQueries& queries, const Range& range) {
 
 // Queries that one batch may hold, by the size of the request and, with k > 0, of the answer.
 std::uint64_t QueriesPerBatch(const GatherQueries& queries, const GatherOptions& options,
-                              const v1::ServerLimits& limits) {
-  const std::uint64_t query_bytes =
-      sizeof(float) * (3 + (queries.normals.empty() ? 0 : 3) + (queries.radii.empty() ? 0 : 1));
+                              const WireOptions& wire, const v1::ServerLimits& limits) {
   const std::uint64_t room =
       limits.max_message_bytes() - std::min(limits.max_message_bytes(), kEnvelopeBytes);
-  std::uint64_t count =
-      std::min({kMaxQueriesPerBatch, std::uint64_t{limits.max_queries()}, room / query_bytes});
+  std::uint64_t count = std::min({kMaxQueriesPerBatch, std::uint64_t{limits.max_queries()},
+                                  room / RequestBytes(queries, wire)});
   if (Wants(options, kOutputNeighbors) && options.k > 0 && limits.max_neighbors() > 0) {
     count = std::min(count, limits.max_neighbors() / options.k);
   }
@@ -56,15 +54,10 @@ std::uint64_t QueriesPerBatch(const GatherQueries& queries, const GatherOptions&
 
 // Whether the answer to `query_count` queries fits one message for sure, so that a unary call may
 // ask for it.
-bool FitsMessage(std::uint64_t query_count, const GatherOptions& options,
+bool FitsMessage(std::uint64_t query_count, const GatherOptions& options, const WireOptions& wire,
                  const v1::ServerLimits& limits) {
   if (Wants(options, kOutputNeighbors) && options.k == 0) return false;
-  const std::uint64_t query_bytes =
-      (Wants(options, kOutputCount) ? 4 : 0) + (Wants(options, kOutputRadius) ? 4 : 0) +
-      (Wants(options, kOutputNeighbors) ? 8 * std::uint64_t{options.k} : 0) +
-      (Wants(options, kOutputDensity) ? 12 : 0) + (Wants(options, kOutputStatistics) ? 8 : 0) +
-      (Wants(options, kOutputErrorBound) ? 4 : 0);
-  return query_count * query_bytes + kEnvelopeBytes <= limits.max_message_bytes();
+  return query_count * AnswerBytes(options, wire) + kEnvelopeBytes <= limits.max_message_bytes();
 }
 
 std::vector<Range> Split(std::size_t query_count, std::uint64_t queries_per_batch) {
@@ -118,17 +111,18 @@ void AppendAnswer(GatherAnswer part, GatherAnswer& whole) {
   whole.errors.largest_bound = std::max(whole.errors.largest_bound, part.errors.largest_bound);
   const bool is_worse = part.merge_report.measured_error() > whole.merge_report.measured_error();
   if (is_worse || whole.result.densities.empty()) whole.merge_report = part.merge_report;
+  AppendWire(part.wire, whole.wire);
   AppendResult(std::move(part.result), whole.result);
 }
 
 // One call that sends all of `queries` as one message and gets one back.
 absl::StatusOr<GatherAnswer> GatherUnary(v1::PhotonMapService::Stub& stub, const MapRef& map,
                                          const GatherQueries& queries, const GatherOptions& options,
-                                         Deadline deadline) {
+                                         const WireOptions& wire, Deadline deadline) {
   grpc::ClientContext context;
   context.set_deadline(deadline);
   NameMap(context, map.name);
-  const auto request = MakeGatherRequest(map, /*batch_id=*/0, queries, options);
+  const auto request = MakeGatherRequest(map, /*batch_id=*/0, queries, options, wire);
   v1::GatherResponse response;
   if (const auto status = stub.Gather(&context, request, &response); !status.ok())
     return ToAbslStatus(status);
@@ -140,7 +134,7 @@ absl::StatusOr<GatherAnswer> GatherUnary(v1::PhotonMapService::Stub& stub, const
 // One stream on which each of `ranges` is a batch.
 absl::StatusOr<GatherAnswer> GatherRanges(v1::PhotonMapService::Stub& stub, const MapRef& map,
                                           const GatherQueries& queries,
-                                          const GatherOptions& options,
+                                          const GatherOptions& options, const WireOptions& wire,
                                           const std::vector<Range>& ranges, Deadline deadline) {
   GatherStream stream(stub, map.name, deadline, /*patience=*/{});
   std::size_t sent_count = 0, received_count = 0;
@@ -150,7 +144,7 @@ absl::StatusOr<GatherAnswer> GatherRanges(v1::PhotonMapService::Stub& stub, cons
     while (sending.ok() && sent_count < ranges.size() &&
            sent_count - received_count < kMaxInFlight) {
       sending = stream.Send(
-          MakeGatherRequest(map, sent_count, Slice(queries, ranges[sent_count]), options));
+          MakeGatherRequest(map, sent_count, Slice(queries, ranges[sent_count]), options, wire));
       if (sending.ok()) ++sent_count;
     }
     if (received_count == sent_count) return CountedFrom(sending, ranges[received_count].first);
@@ -178,20 +172,21 @@ GatherAnswer Nothing(const v1::PhotonMap& map, const GatherOptions& options) {
 
 absl::StatusOr<GatherAnswer> PhotonMapClient::Gather(const MapRef& map,
                                                      const GatherQueries& queries,
-                                                     const GatherOptions& options) {
-  if (const auto status = CheckLengths(queries); !status.ok()) return status;
+                                                     const GatherOptions& options,
+                                                     const WireOptions& wire) {
+  if (const auto status = CheckQueries(queries, wire); !status.ok()) return status;
   const Deadline deadline = impl_->NextDeadline();
-  return impl_->Repeat(deadline, [&] { return GatherOnce(map, queries, options, deadline); });
+  return impl_->Repeat(deadline, [&] { return GatherOnce(map, queries, options, wire, deadline); });
 }
 
 absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
     const MapRef& map, const GatherQueries& queries, const GatherOptions& options,
-    std::chrono::system_clock::time_point deadline) {
+    const WireOptions& wire, std::chrono::system_clock::time_point deadline) {
   const auto limits = impl_->GetLimits(deadline);
   if (!limits.ok()) return limits.status();
-  const std::uint64_t queries_per_batch = QueriesPerBatch(queries, options, *limits);
+  const std::uint64_t queries_per_batch = QueriesPerBatch(queries, options, wire, *limits);
   const auto ranges = Split(queries.size(), queries_per_batch);
-  const bool unary = ranges.size() == 1 && FitsMessage(queries.size(), options, *limits);
+  const bool unary = ranges.size() == 1 && FitsMessage(queries.size(), options, wire, *limits);
 
   // All batches go to one version: the newest of now.
   MapRef pinned = map;
@@ -202,12 +197,13 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
     pinned.version = found->version();
   }
 
-  auto answer = unary ? GatherUnary(*impl_->stub, map, queries, options, deadline)
-                      : GatherRanges(*impl_->stub, pinned, queries, options, ranges, deadline);
+  auto answer = unary
+                    ? GatherUnary(*impl_->stub, map, queries, options, wire, deadline)
+                    : GatherRanges(*impl_->stub, pinned, queries, options, wire, ranges, deadline);
   if (answer.ok()) return answer;
   // The newest was deleted meanwhile: another one is it now, or none.
   if (absl::IsNotFound(answer.status()) && pinned.version != map.version) {
-    return GatherOnce(map, queries, options, deadline);
+    return GatherOnce(map, queries, options, wire, deadline);
   }
   const bool too_large = absl::IsResourceExhausted(answer.status()) && !RetryDelay(answer.status());
   if (!too_large || !Wants(options, kOutputNeighbors) || options.k != 0) return answer;
@@ -216,12 +212,12 @@ absl::StatusOr<GatherAnswer> PhotonMapClient::GatherOnce(
   // by the counts.
   GatherOptions counting = options;
   counting.outputs = kOutputCount;
-  const auto counts = Gather(pinned, queries, counting);
+  const auto counts = Gather(pinned, queries, counting, wire);
   if (!counts.ok()) return counts.status();
   const auto by_counts =
       SplitByCounts(counts->result.counts, queries_per_batch, limits->max_neighbors());
   if (by_counts == ranges) return answer;
-  return GatherRanges(*impl_->stub, counts->map, queries, options, by_counts, deadline);
+  return GatherRanges(*impl_->stub, counts->map, queries, options, wire, by_counts, deadline);
 }
 
 }  // namespace treelight::client

@@ -1,7 +1,9 @@
 #include "client/gather_wire.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <span>
 #include <string>
@@ -9,6 +11,9 @@
 #include <utility>
 #include <vector>
 
+#include "core/model/half.h"
+#include "core/model/octahedral.h"
+#include "core/model/quantize.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -32,7 +37,8 @@ v1::DensityKernel ToWire(DensityKernel kernel) {
   return v1::DENSITY_KERNEL_UNSPECIFIED;
 }
 
-std::string Bytes(std::span<const float> array) {
+template <typename T>
+std::string Bytes(std::span<const T> array) {
   return {reinterpret_cast<const char*>(array.data()), array.size_bytes()};
 }
 
@@ -54,6 +60,20 @@ absl::Status AppendArray(std::string_view field, const std::string& bytes, std::
   return absl::OkStatus();
 }
 
+// The same of numbers that may be halves times `scale`.
+absl::Status AppendFloats(std::string_view field, const std::string& bytes, std::uint64_t count,
+                          v1::FloatFormat floats, float scale, std::vector<float>& array) {
+  if (floats != v1::FLOAT_FORMAT_HALF) return AppendArray(field, bytes, count, array);
+  std::vector<std::uint16_t> halves;
+  if (auto status = AppendArray(field, bytes, count, halves); !status.ok()) return status;
+  // Of one that ToHalves gives no half overflows.
+  if (count > 0 && !(scale > 0 && scale <= 0x1p113f)) {
+    return Malformed(fmt::format("the scale of {} is {}", field, scale));
+  }
+  AppendFromHalves(halves, scale, array);
+  return absl::OkStatus();
+}
+
 template <typename T>
 void AppendVector(const std::vector<T>& part, std::vector<T>& whole) {
   whole.insert(whole.end(), part.begin(), part.end());
@@ -66,8 +86,6 @@ void AppendOffsets(const std::vector<std::uint64_t>& part, std::vector<std::uint
   const std::uint64_t base = whole.back();
   for (std::size_t i = 1; i < part.size(); ++i) whole.push_back(base + part[i]);
 }
-
-}  // namespace
 
 absl::Status CheckLengths(const GatherQueries& queries) {
   const std::size_t m = queries.size();
@@ -86,17 +104,88 @@ absl::Status CheckLengths(const GatherQueries& queries) {
   return absl::OkStatus();
 }
 
+absl::Status CheckQuantizable(const GatherQueries& queries) {
+  for (std::size_t i = 0; i < queries.positions.size(); ++i) {
+    if (!(std::fabs(queries.positions[i]) <= kMaxCoordinate)) {  // also catches NaN
+      return absl::InvalidArgumentError(
+          fmt::format("positions[{}] of query {} is {}, to be quantised it must be finite and "
+                      "within {:g}",
+                      i, i / 3, queries.positions[i], kMaxCoordinate));
+    }
+  }
+  for (std::size_t i = 0; i < queries.normals.size(); i += 3) {
+    const float* const n = &queries.normals[i];
+    const double length = std::hypot(double{n[0]}, double{n[1]}, double{n[2]});
+    if (!(length > 0 && std::isfinite(length))) {
+      return absl::InvalidArgumentError(fmt::format(
+          "normals of query {} are {}, {}, {}, to be quantised they must be a direction", i / 3,
+          n[0], n[1], n[2]));
+    }
+  }
+  return absl::OkStatus();
+}
+
+v1::QuantizedQueries ToWire(const GatherQueries& queries) {
+  const QuantizedPositions positions = Quantize(queries.positions);
+  const Vec3 &min = positions.box.min, &max = positions.box.max;
+  const std::array<float, 6> box = {min.x, min.y, min.z, max.x, max.y, max.z};
+  std::vector<std::int16_t> normals;
+  for (std::size_t i = 0; i < queries.normals.size(); i += 3) {
+    const float* const n = &queries.normals[i];
+    // Any length, where that of a float would not do.
+    const double largest = std::max({std::fabs(n[0]), std::fabs(n[1]), std::fabs(n[2])});
+    const auto scaled = [&](float component) { return static_cast<float>(component / largest); };
+    const auto encoded = EncodeOctahedral({scaled(n[0]), scaled(n[1]), scaled(n[2])});
+    normals.insert(normals.end(), encoded.begin(), encoded.end());
+  }
+  v1::QuantizedQueries wire;
+  wire.set_box(Bytes(std::span<const float>(box)));
+  wire.set_positions(Bytes(std::span<const std::uint16_t>(positions.offsets)));
+  wire.set_normals(Bytes(std::span<const std::int16_t>(normals)));
+  return wire;
+}
+
+}  // namespace
+
+absl::Status CheckQueries(const GatherQueries& queries, const WireOptions& wire) {
+  if (auto status = CheckLengths(queries); !status.ok()) return status;
+  return wire.quantize_queries ? CheckQuantizable(queries) : absl::OkStatus();
+}
+
+std::uint64_t RequestBytes(const GatherQueries& queries, const WireOptions& wire) {
+  const std::uint64_t position = wire.quantize_queries ? 6 : 12,
+                      normal = wire.quantize_queries ? 4 : 12;
+  return position + (queries.normals.empty() ? 0 : normal) + (queries.radii.empty() ? 0 : 4);
+}
+
+std::uint64_t AnswerBytes(const GatherOptions& options, const WireOptions& wire) {
+  const std::uint64_t number = wire.answer_floats == v1::FLOAT_FORMAT_HALF ? 2 : 4;
+  const auto if_wanted = [&](std::uint32_t output, std::uint64_t bytes) {
+    return (options.outputs & output) != 0 ? bytes : 0;
+  };
+  return if_wanted(kOutputCount, 4) + if_wanted(kOutputRadius, number) +
+         if_wanted(kOutputNeighbors, (4 + number) * options.k) +
+         if_wanted(kOutputDensity, 3 * number) + if_wanted(kOutputStatistics, 8) +
+         if_wanted(kOutputErrorBound, 4);
+}
+
 v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
-                                    const GatherQueries& queries, const GatherOptions& options) {
+                                    const GatherQueries& queries, const GatherOptions& options,
+                                    const WireOptions& wire) {
   v1::GatherRequest request;
   request.set_map(map.name);
   request.set_version(map.version);
   request.set_batch_id(batch_id);
-  request.set_positions(Bytes(queries.positions));
+  if (wire.quantize_queries) {
+    *request.mutable_quantized() = ToWire(queries);
+  } else {
+    request.set_positions(Bytes(queries.positions));
+    request.set_normals(Bytes(queries.normals));
+  }
+  if (wire.answer_floats != v1::FLOAT_FORMAT_FLOAT32) request.set_answer_floats(wire.answer_floats);
   request.set_k(options.k);
   if (queries.radii.empty()) request.set_radius(options.radius);
   request.set_radii(Bytes(queries.radii));
-  request.set_normals(Bytes(queries.normals));
   request.set_outputs(options.outputs);
   request.set_kernel(ToWire(options.kernel));
   if (options.approximation != Approximation{}) {
@@ -106,8 +195,17 @@ v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
     approximation.set_weight_tolerance(options.approximation.weight_tolerance);
     approximation.set_merged_photons(options.approximation.merged_photons);
     approximation.set_max_relative_error(options.approximation.max_relative_error);
+    approximation.set_thinned_photons(options.approximation.thinned_photons);
   }
   return request;
+}
+
+void AppendWire(const WireSummary& part, WireSummary& whole) {
+  whole.request_bytes += part.request_bytes;
+  whole.answer_bytes += part.answer_bytes;
+  whole.largest_move = std::max(whole.largest_move, part.largest_move);
+  whole.relative_error = std::max(whole.relative_error, part.relative_error);
+  whole.small_count += part.small_count;
 }
 
 void AppendResult(GatherResult part, GatherResult& whole) {
@@ -125,10 +223,14 @@ void AppendResult(GatherResult part, GatherResult& whole) {
 
 AnswerAssembly::AnswerAssembly(const v1::GatherRequest& request)
     : batch_id_(request.batch_id()),
-      query_count_(request.positions().size() / (3 * sizeof(float))),
+      query_count_(request.has_quantized()
+                       ? request.quantized().positions().size() / (3 * sizeof(std::uint16_t))
+                       : request.positions().size() / (3 * sizeof(float))),
       k_(request.k()),
       outputs_(request.outputs()),
+      floats_(request.answer_floats()),
       answer_{.result = {},
+              .wire = {.request_bytes = request.ByteSizeLong()},
               .map = {.name = request.map(), .version = request.version()},
               .timings = {}} {}
 
@@ -140,6 +242,13 @@ absl::Status AnswerAssembly::Add(const v1::GatherResponse& part) {
   received_count_ += part.query_count();
   answer_.errors.inexact_count += part.inexact_count();
   answer_.errors.largest_bound = std::max(answer_.errors.largest_bound, part.largest_error_bound());
+  const v1::WireReport& report = part.wire_report();
+  AppendWire({.request_bytes = 0,
+              .answer_bytes = part.ByteSizeLong(),
+              .largest_move = report.largest_move(),
+              .relative_error = report.relative_error(),
+              .small_count = report.small_count()},
+             answer_.wire);
   if (!complete()) return absl::OkStatus();
   answer_.merge_report = part.merge_report();
   answer_.timings = part.timings();
@@ -179,10 +288,13 @@ absl::Status AnswerAssembly::AddArrays(const v1::GatherResponse& part) {
     return (outputs_ & output) != 0 ? per_query * m : 0;
   };
   GatherResult& result = answer_.result;
+  const v1::WireReport& report = part.wire_report();
   for (const absl::Status& status :
        {AppendArray("counts", part.counts(), count(kOutputCount, 1), result.counts),
-        AppendArray("radii", part.radii(), count(kOutputRadius, 1), result.radii),
-        AppendArray("densities", part.densities(), count(kOutputDensity, 3), result.densities),
+        AppendFloats("radii", part.radii(), count(kOutputRadius, 1), floats_, report.radius_scale(),
+                     result.radii),
+        AppendFloats("densities", part.densities(), count(kOutputDensity, 3), floats_,
+                     report.density_scale(), result.densities),
         AppendArray("nodes_visited", part.nodes_visited(), count(kOutputStatistics, 1),
                     result.nodes_visited),
         AppendArray("distance_tests", part.distance_tests(), count(kOutputStatistics, 1),
@@ -212,8 +324,9 @@ absl::Status AnswerAssembly::AddNeighbors(const v1::GatherResponse& part) {
   GatherResult& result = answer_.result;
   for (const absl::Status& status :
        {AppendArray("neighbor_ids", part.neighbor_ids(), count, result.neighbor_ids),
-        AppendArray("neighbor_squared_distances", part.neighbor_squared_distances(), count,
-                    result.neighbor_squared_distances)}) {
+        AppendFloats("neighbor_squared_distances", part.neighbor_squared_distances(), count,
+                     floats_, part.wire_report().squared_distance_scale(),
+                     result.neighbor_squared_distances)}) {
     if (!status.ok()) return status;
   }
   AppendOffsets(offsets, result.neighbor_offsets);

@@ -12,13 +12,23 @@
 // Batches and their answers as messages of photon_map.proto.
 namespace treelight::client {
 
-/// Checks that the arrays of `queries` belong together. INVALID_ARGUMENT names the array that does
-/// not.
-absl::Status CheckLengths(const GatherQueries& queries);
+/// Checks that the arrays of `queries` belong together and can travel so. INVALID_ARGUMENT names
+/// the array that does not, or the number that cannot.
+absl::Status CheckQueries(const GatherQueries& queries, const WireOptions& wire);
 
-/// The message of one batch, whose arrays must belong together.
+/// Bytes of the arrays of one query in a message.
+std::uint64_t RequestBytes(const GatherQueries& queries, const WireOptions& wire);
+
+/// Bytes of the arrays of the answer to one query in a message, without uncapped lists.
+std::uint64_t AnswerBytes(const GatherOptions& options, const WireOptions& wire);
+
+/// The message of one batch that CheckQueries has found good.
 v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
-                                    const GatherQueries& queries, const GatherOptions& options);
+                                    const GatherQueries& queries, const GatherOptions& options,
+                                    const WireOptions& wire = {});
+
+/// Adds what travelled for further queries.
+void AppendWire(const WireSummary& part, WireSummary& whole);
 
 /// Appends the answers to further queries, as if one call had answered all: offsets of lists go on
 /// where they ended.
@@ -46,6 +56,7 @@ class AnswerAssembly {
 
   std::uint64_t batch_id_, query_count_;
   std::uint32_t k_, outputs_;
+  v1::FloatFormat floats_;            // that were asked for
   std::uint64_t received_count_ = 0;  // queries
   GatherAnswer answer_;
 };

@@ -62,11 +62,27 @@ struct ErrorSummary {
   float largest_bound = 0;          ///< of all queries, may be +inf
 };
 
+/// How queries and answers travel. The defaults lose nothing.
+struct WireOptions {
+  /// Positions as 16-bit offsets in the box of each message, normals as two 16-bit numbers.
+  bool quantize_queries = false;
+  v1::FloatFormat answer_floats = v1::FLOAT_FORMAT_FLOAT32;  ///< of radii, distances and densities
+};
+
+/// What travelled for a batch, and what that took from the answer; see v1::WireReport.
+struct WireSummary {
+  std::uint64_t request_bytes = 0, answer_bytes = 0;  ///< messages
+  float largest_move = 0;         ///< of a query, scene units; 0: none was moved
+  float relative_error = 0;       ///< of numbers that came as halves, but of small ones
+  std::uint64_t small_count = 0;  ///< numbers other than 0 that are too small for that
+};
+
 /// Answer of a batch, and which version gave it.
 struct GatherAnswer {
   GatherResult result{};  ///< with error bounds only where kOutputErrorBound was asked for
   ErrorSummary errors{};  ///< zeros of an exact answer
-  /// Of an answer that may be gathered from merged photons, else empty; of several batches, that of
+  WireSummary wire{};
+  /// Of an answer that may be gathered from fewer photons, else empty; of several batches, that of
   /// the one with the largest measured error.
   v1::MergeReport merge_report{};
   MapRef map{};
@@ -124,15 +140,16 @@ class PhotonMapClient {
                                                               const RebuildOptions& options = {});
 
   /// Answers a batch of any size: it goes to the server in parts over one stream, and the parts are
-  /// put together. All parts are answered by one version.
+  /// put together. All parts are answered by one version. INVALID_ARGUMENT also where queries are
+  /// to be quantised that cannot be: positions beyond kMaxCoordinate, normals without a length.
   absl::StatusOr<GatherAnswer> Gather(const MapRef& map, const GatherQueries& queries,
-                                      const GatherOptions& options);
+                                      const GatherOptions& options, const WireOptions& wire = {});
 
  private:
   friend class GatherPipeline;
   struct Impl;
   absl::StatusOr<GatherAnswer> GatherOnce(const MapRef& map, const GatherQueries& queries,
-                                          const GatherOptions& options,
+                                          const GatherOptions& options, const WireOptions& wire,
                                           std::chrono::system_clock::time_point deadline);
   std::unique_ptr<Impl> impl_;
 };
@@ -143,7 +160,7 @@ class PhotonMapClient {
 class GatherPipeline {
  public:
   /// Opens a stream on `client`, which must outlive it.
-  GatherPipeline(PhotonMapClient& client, MapRef map, GatherOptions options);
+  GatherPipeline(PhotonMapClient& client, MapRef map, GatherOptions options, WireOptions wire = {});
   ~GatherPipeline();  ///< cancels what was not received
 
   /// Sends a batch; blocks while the server is more than its read-ahead behind. Returns the error

@@ -72,24 +72,37 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
   return absl::OkStatus();
 }
 
-/// Of what may be gathered from merged photons.
+/// Photons that one may stand for.
+absl::Status CheckGroupSize(std::string_view field, std::uint32_t size) {
+  if (size == 0 || (size >= 2 && size <= kMaxMergedPhotons && std::has_single_bit(size))) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      fmt::format("approximation.{} is {}, it must be 0 or a power of two in [2, {}]", field, size,
+                  kMaxMergedPhotons));
+}
+
+/// Of what may be gathered from fewer photons.
 absl::Status CheckMerges(const GatherOptions& options) {
   const Approximation& approximation = options.approximation;
   const float error = approximation.max_relative_error;
   const std::uint32_t merged = approximation.merged_photons;
+  const std::uint32_t thinned = approximation.thinned_photons;
   if (!(error >= 0 && error < 1)) {
     return absl::InvalidArgumentError(
         fmt::format("approximation.max_relative_error is {}, it must be in [0, 1)", error));
   }
-  if (merged != 0 && (merged < 2 || merged > kMaxMergedPhotons || !std::has_single_bit(merged))) {
-    return absl::InvalidArgumentError(
-        fmt::format("approximation.merged_photons is {}, it must be 0 or a power of two in [2, {}]",
-                    merged, kMaxMergedPhotons));
+  for (const absl::Status& status :
+       {CheckGroupSize("merged_photons", merged), CheckGroupSize("thinned_photons", thinned)}) {
+    if (!status.ok()) return status;
   }
   if (!approximation.merges()) return absl::OkStatus();
   const std::string asked = error > 0 ? fmt::format("approximation.max_relative_error is {}", error)
-                                      : fmt::format("approximation.merged_photons is {}", merged);
-  if (approximation.any() || (error > 0 && merged > 0)) {
+                            : merged > 0
+                                ? fmt::format("approximation.merged_photons is {}", merged)
+                                : fmt::format("approximation.thinned_photons is {}", thinned);
+  const int asked_count = (error > 0 ? 1 : 0) + (merged > 0 ? 1 : 0) + (thinned > 0 ? 1 : 0);
+  if (approximation.any() || asked_count > 1) {
     return absl::InvalidArgumentError(
         fmt::format("{}, which goes with no other field of approximation", asked));
   }

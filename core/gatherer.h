@@ -26,7 +26,7 @@ enum class DensityKernel : std::uint32_t {
   kEpanechnikov = kKernelEpanechnikov,  ///< 2 (1 - d^2/R^2) / (pi R^2)
 };
 
-/// Most photons that are merged to one.
+/// Most photons that one stands for.
 inline constexpr std::uint32_t kMaxMergedPhotons = 64;
 
 /// What an answer may give up for speed. Zeros: nothing, the answer is exact.
@@ -52,11 +52,16 @@ struct Approximation {
   /// |density / exact density - 1|, of the sum of the channels, that may be taken for speed; as
   /// merged_photons, with the group size chosen by a sample of the batch. [0, 1). 0: exact.
   float max_relative_error = 0;
+  /// As merged_photons, from a random subset of the photons: one of so many, 2, 4, 8 ... 64, with
+  /// the power of those that go (model/thin_photons.h). 0: all stay.
+  std::uint32_t thinned_photons = 0;
 
   /// Whether a Gatherer may give an answer that differs from the exact one, which it bounds.
   bool any() const { return epsilon > 0 || max_leaves > 0 || weight_tolerance > 0; }
-  /// Whether an answer may be gathered from merged photons.
-  bool merges() const { return merged_photons > 0 || max_relative_error > 0; }
+  /// Whether an answer may be gathered from fewer photons.
+  bool merges() const {
+    return merged_photons > 0 || thinned_photons > 0 || max_relative_error > 0;
+  }
   /// (1 + epsilon)^2, rounded down: a box whose squared distance, times this, is above that of the
   /// k-th candidate need not be entered.
   float squared_stretch() const;
@@ -128,7 +133,7 @@ struct GatherResult {
   /// photons at the k-th distance any may be there; +inf: nothing is known, mostly since less than
   /// k were found and there may be more.
   std::vector<float> error_bounds;
-  /// [m] where it was gathered from merged photons (core/merged_gather.h), else empty: 1 where the
+  /// [m] where it was gathered from fewer photons (core/merged_gather.h), else empty: 1 where the
   /// answer is made of those, 0 where it is exact.
   std::vector<std::uint8_t> merged;
   GatherTimes times;

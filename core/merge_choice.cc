@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/merged_gather.h"
+#include "core/model/split_mix.h"
 #include "core/some_queries.h"
 
 namespace treelight {
@@ -35,15 +36,9 @@ constexpr double kPlaceCost = 60;
 /// picture, at a place that is drawn.
 std::vector<std::uint32_t> Sample(std::size_t query_count, std::size_t count) {
   std::vector<std::uint32_t> chosen(count);
-  std::uint64_t state = 0x9e3779b97f4a7c15u * query_count;
   for (std::size_t i = 0; i < count; ++i) {
-    // SplitMix64 (Steele, Lea and Flood 2014).
-    std::uint64_t bits = state += 0x9e3779b97f4a7c15u;
-    bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
-    bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
-    bits ^= bits >> 31;
     const std::size_t first = i * query_count / count, last = (i + 1) * query_count / count;
-    chosen[i] = static_cast<std::uint32_t>(first + bits % (last - first));
+    chosen[i] = static_cast<std::uint32_t>(first + SplitMix(query_count + i) % (last - first));
   }
   return chosen;
 }
@@ -81,12 +76,16 @@ SampledError ErrorOf(const GatherResult& answer, const GatherResult& exact, std:
   return {std::sqrt(mean), std::sqrt(mean + kMargin * std::sqrt(variance) + missed)};
 }
 
-/// The group sizes that may be chosen, in the order in which they are tried.
-std::vector<std::uint32_t> GroupSizes(const Approximation& approximation) {
-  if (approximation.max_relative_error == 0) return {approximation.merged_photons};
-  std::vector<std::uint32_t> sizes;
-  for (std::uint32_t size = kMaxMergedPhotons; size > 1; size /= 2) sizes.push_back(size);
-  return sizes;
+/// What may be chosen, in the order in which it is tried.
+std::vector<FewerPhotons> Candidates(const Approximation& approximation) {
+  using enum FewerPhotons::Kind;
+  if (approximation.thinned_photons > 0) return {{kThinned, approximation.thinned_photons}};
+  if (approximation.merged_photons > 0) return {{kMerged, approximation.merged_photons}};
+  std::vector<FewerPhotons> candidates;
+  for (std::uint32_t size = kMaxMergedPhotons; size > 1; size /= 2) {
+    candidates.push_back({kMerged, size});
+  }
+  return candidates;
 }
 
 template <typename T>
@@ -117,17 +116,18 @@ class Chooser {
     photons_ = Mean(exact_.counts);
     choice_.reason = ExactReason::kFewPhotons;
     spent_ = ExactCost();
-    for (const std::uint32_t size : GroupSizes(options_.approximation)) {
+    for (const FewerPhotons& fewer : Candidates(options_.approximation)) {
+      const std::uint32_t size = fewer.group_size;
       // Groups are more than half full.
       if (photons_ < double{kFewestMergedPhotons} * size / 2) continue;
-      if (choice_.merged_photons > 0 && PlaceCost(2 * photons_ / size) >= cost_) break;
-      const auto merged = merged_map(size);
+      if (!choice_.exact() && PlaceCost(2 * photons_ / size) >= cost_) break;
+      const auto merged = merged_map(fewer);
       if (absl::IsResourceExhausted(merged.status())) {
-        if (choice_.merged_photons == 0) choice_.reason = ExactReason::kNoMemory;
+        if (choice_.exact()) choice_.reason = ExactReason::kNoMemory;
         break;
       }
       if (!merged.ok()) return merged.status();
-      if (auto status = Try(size, *merged); !status.ok()) return status;
+      if (auto status = Try(fewer, *merged); !status.ok()) return status;
     }
     return choice_;
   }
@@ -173,7 +173,7 @@ class Chooser {
   }
 
   /// Answers the sample from `merged`, and takes its group size where that is good and cheaper.
-  absl::Status Try(std::uint32_t size, std::shared_ptr<const Gatherer> merged) {
+  absl::Status Try(const FewerPhotons& fewer, std::shared_ptr<const Gatherer> merged) {
     const double group_size = GroupSize(map_, *merged);
     if (options_.k > 0 && MergedK(options_.k, group_size) < kFewestMergedPhotons) {
       return absl::OkStatus();
@@ -187,12 +187,12 @@ class Chooser {
     const bool is_within =
         !keeps_error_ || error.limit <= options_.approximation.max_relative_error;
     const bool is_cheaper = !keeps_error_ || IsCheaper(cost);
-    if (choice_.merged_photons > 0 && !(is_within && is_cheaper)) return absl::OkStatus();
+    if (!choice_.exact() && !(is_within && is_cheaper)) return absl::OkStatus();
     choice_.sampled = static_cast<std::uint32_t>(count_);
     choice_.measured_error = static_cast<float>(error.measured);
     choice_.error_limit = static_cast<float>(error.limit);
     if (is_within && is_cheaper) {
-      choice_.merged_photons = size;
+      choice_.fewer = fewer;
       choice_.merged = std::move(merged);
       choice_.reason = ExactReason::kNone;
       cost_ = cost;
@@ -204,7 +204,7 @@ class Chooser {
 
   /// Than the best so far, or than all exact, where what the sample cost is gained back.
   bool IsCheaper(double cost) const {
-    if (choice_.merged_photons > 0) return cost < cost_;
+    if (!choice_.exact()) return cost < cost_;
     const auto all = static_cast<double>(queries_.size()), sampled = static_cast<double>(count_);
     return all * cost + sampled * spent_ < all * ExactCost();
   }

@@ -8,9 +8,9 @@
 
 #include "absl/status/statusor.h"
 #include "core/gatherer.h"
+#include "core/merged_gather.h"
 
-// How many merged photons a batch may do with: what Approximation::max_relative_error leaves to the
-// server.
+// How few photons a batch may do with: what Approximation::max_relative_error leaves to the server.
 namespace treelight {
 
 /// Why a batch that need not be exact is.
@@ -18,8 +18,8 @@ enum class ExactReason {
   kNone,         ///< it is not
   kFewQueries,   ///< too few: sampling them would cost what it gains
   kFewPhotons,   ///< its queries find so few photons that merged ones cost as much
-  kErrorTooBig,  ///< no group size was found to keep within the error
-  kNoMemory,     ///< there is none for merged photons
+  kErrorTooBig,  ///< no merged photons were found to keep within the error
+  kNoMemory,     ///< there is none for fewer photons
 };
 
 /// "", "few_queries", "few_photons", "error_too_big", "no_memory".
@@ -30,18 +30,20 @@ std::string_view NameOf(ExactReason reason);
 /// The error of a query is |density / exact density - 1|, of the sum of the channels; 0 where both
 /// are 0, and 1 where only the exact one is. That of a batch is the root of the mean square.
 struct MergeChoice {
-  std::uint32_t merged_photons = 0;        ///< group size; 0: exact, and `reason` says why
-  std::shared_ptr<const Gatherer> merged;  ///< the map of that size, or null
+  FewerPhotons fewer{};                    ///< of no group size: exact, and `reason` says why
+  std::shared_ptr<const Gatherer> merged;  ///< the map of those, or null
   ExactReason reason = ExactReason::kNone;
   std::uint32_t sampled = 0;  ///< queries that were answered both ways
   float measured_error = 0;   ///< of the sample; where it is exact, of the last size that was tried
   float error_limit = 0;      ///< what the error of the batch is taken to be at most
   GatherTimes times;          ///< of the sample
+
+  bool exact() const { return fewer.group_size == 0; }
 };
 
-/// The map of merged photons of a group size; RESOURCE_EXHAUSTED where there is no memory for it.
+/// The map of fewer photons; RESOURCE_EXHAUSTED where there is no memory for it.
 using MergedMapOf =
-    std::function<absl::StatusOr<std::shared_ptr<const Gatherer>>(std::uint32_t group_size)>;
+    std::function<absl::StatusOr<std::shared_ptr<const Gatherer>>(const FewerPhotons& fewer)>;
 
 /// Chooses how a batch is gathered whose options have Approximation::merges(). A sample of it, one
 /// query in 32, at least 128 and more for small errors and for normals, is answered exactly and,

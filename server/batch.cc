@@ -10,6 +10,7 @@
 #include "fmt/format.h"
 #include "server/answer.h"
 #include "server/break_switch.h"
+#include "server/convert.h"
 #include "server/gather_together.h"
 #include "server/guard.h"
 #include "server/merged_map_of.h"
@@ -17,9 +18,9 @@
 namespace treelight::server {
 namespace {
 
-/// How often the bytes of a request may be here: as it came, parsed, and once more of one that gRPC
-/// has read ahead.
-constexpr std::uint64_t kMessageCopies = 3;
+/// How often the bytes of a request may be here beside the batch that they are parsed to: as it
+/// came, and once more of one that gRPC has read ahead.
+constexpr std::uint64_t kMessageCopies = 2;
 
 constexpr std::uint64_t kNeighborBytes = sizeof(std::uint32_t) + sizeof(float);
 /// What a CPU searches an uncapped list in, for each neighbour at most: two pairs of arrays that
@@ -40,8 +41,8 @@ void Batch::Run(const v1::GatherRequest& request, Done done) {
   Describe(request);
   if (!call_.admission().ok()) return done(call_.admission());
   if (auto status = call_.CheckRoute(request.map()); !status.ok()) return done(status);
-  const auto admitted =
-      TakeMemory(Holder::kMessages, kMessageCopies * record_.bytes_in, message_memory_);
+  const auto admitted = TakeMemory(
+      Holder::kMessages, kMessageCopies * record_.bytes_in + BatchBytes(request), message_memory_);
   if (!admitted.ok()) return done(admitted);
   WithNewestMaps(state_, [this, &request, done = std::move(done)] {
     state_.RunOnCpu(record_.bytes_in, [this, &request, done] {
@@ -155,11 +156,13 @@ void Batch::Describe(const v1::GatherRequest& request) {
   record_.map = request.map();
   record_.device = state_.device_name();
   record_.batch_id = request.batch_id();
-  record_.queries = request.positions().size() / (3 * sizeof(float));
+  record_.queries = QueryCount(request);
   record_.k = request.k();
   record_.radius = request.has_radius() ? request.radius() : std::numeric_limits<float>::infinity();
   record_.own_radii = !request.radii().empty();
   if (request.has_approximation()) record_.approximation = request.approximation();
+  record_.quantized = request.has_quantized();
+  record_.answer_floats = request.answer_floats();
   record_.bytes_in = request.ByteSizeLong();
 }
 
@@ -175,8 +178,8 @@ absl::Status Batch::Parse(const v1::GatherRequest& request) {
   batch_ = *std::move(batch);
   const Limits& limits = state_.options.limits;
   if (form_ == AnswerForm::kMessage) {
-    const auto status =
-        CheckFitsMessage(batch_.options, batch_.size(), map_->gatherer->photon_count(), limits);
+    const auto status = CheckFitsMessage(batch_.options, batch_.answer_floats, batch_.size(),
+                                         map_->gatherer->photon_count(), limits);
     if (!status.ok()) return status;
   }
   // Here for lists of k, before the batch waits for the device; lists without a cap are counted
@@ -221,9 +224,9 @@ void Batch::GrowSlice() {
   slice_size_ = grown;
 }
 
-/// Array bytes of the answer to one query, at most.
+/// Bytes of the arrays of the answer to one query, at most, as they are gathered.
 std::uint64_t Batch::QueryBytes() const {
-  return std::max<std::uint64_t>(1, LargestAnswer(batch_.options, 1, 0));
+  return std::max<std::uint64_t>(1, LargestAnswer(batch_.options, v1::FLOAT_FORMAT_FLOAT32, 1, 0));
 }
 
 /// What a slice of `query_count` holds: itself, and a part that is there twice, made and on its way
@@ -270,10 +273,10 @@ absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
                       call_.cancelled());
 }
 
-/// Chooses how many photons are merged, by a sample of the whole batch.
+/// Chooses how few photons it is gathered from, by a sample of the whole batch.
 absl::Status Batch::Choose() {
-  const auto merged = [this](std::uint32_t group_size) {
-    return MergedMapOf(state_, *map_, group_size, call_.cancelled());
+  const auto merged = [this](const FewerPhotons& fewer) {
+    return MergedMapOf(state_, *map_, fewer, call_.cancelled());
   };
   auto choice = ChooseMerge(*map_->gatherer, merged, batch_.queries(0, batch_.size()),
                             batch_.options, call_.cancelled());
@@ -315,12 +318,17 @@ absl::Status Batch::WriteNext(v1::GatherResponse& response) {
   const std::size_t first = next_query_ - slice_.first, count = slice_.last - slice_.first;
   const auto last = form_ == AnswerForm::kMessage
                         ? count
-                        : FindPartEnd(result_, batch_.options, count, first, state_.options.limits);
+                        : FindPartEnd(result_, batch_.options, batch_.answer_floats, count, first,
+                                      state_.options.limits);
   if (!last.ok()) return last.status();
   response.set_batch_id(*record_.batch_id);
   response.set_map(map_->name);
   response.set_version(map_->version + (Broken("other_version") ? 1 : 0));
-  WritePart(result_, batch_.options, first, *last, response);
+  WritePart(result_, batch_.options, batch_.answer_floats, first, *last, response);
+  if (batch_.largest_move > 0) {
+    response.set_approximate(true);
+    response.mutable_wire_report()->set_largest_move(batch_.largest_move);
+  }
   response.set_first_query(static_cast<std::uint32_t>(next_query_));
   if (record_.merge_report) *response.mutable_merge_report() = *record_.merge_report;
   next_query_ = slice_.first + *last;
@@ -337,8 +345,9 @@ absl::Status Batch::WriteNext(v1::GatherResponse& response) {
 
 std::size_t Batch::next_bytes() const {
   const std::uint64_t neighbors = result_.neighbor_ids.size();
-  const std::uint64_t bytes = LargestAnswer(batch_.options, slice_.last - slice_.first, 0) +
-                              (batch_.options.k == 0 ? 8 * neighbors : 0);
+  const std::uint64_t bytes =
+      LargestAnswer(batch_.options, batch_.answer_floats, slice_.last - slice_.first, 0) +
+      (batch_.options.k == 0 ? 8 * neighbors : 0);
   return std::min<std::uint64_t>(bytes, state_.options.limits.max_part_bytes);
 }
 

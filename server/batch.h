@@ -11,7 +11,7 @@
 #include "core/gatherer.h"
 #include "core/merge_choice.h"
 #include "server/call.h"
-#include "server/convert.h"
+#include "server/gather_batch.h"
 #include "server/map_store.h"
 #include "treelight/v1/photon_map.pb.h"
 
@@ -96,7 +96,7 @@ class Batch {
   GatherBatch batch_;
   std::size_t slice_size_ = 0;  // queries
   Slice slice_;                 // what result_ answers
-  // Of a batch that may be gathered from merged photons, from its first slice on.
+  // Of a batch that may be gathered from fewer photons, from its first slice on.
   std::optional<MergeChoice> choice_;
   Done done_;            // of the slice that waits for the device or has it
   double slice_us_ = 0;  // of the device, for slice_

@@ -1,11 +1,9 @@
 #include "server/convert.h"
 
-#include <limits>
 #include <utility>
 
 #include "fmt/format.h"
 #include "server/break_switch.h"
-#include "server/wire_array.h"
 #include "server/wire_build_options.h"
 
 namespace treelight::server {
@@ -15,52 +13,6 @@ namespace {
 bool IsNameCharacter(char c) {
   return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '.' ||
          c == '_' || c == '-';
-}
-
-absl::StatusOr<DensityKernel> ParseKernel(v1::DensityKernel kernel) {
-  switch (kernel) {
-    case v1::DENSITY_KERNEL_CONSTANT:
-      return DensityKernel::kConstant;
-    case v1::DENSITY_KERNEL_CONE:
-      return DensityKernel::kCone;
-    case v1::DENSITY_KERNEL_UNSPECIFIED:
-    case v1::DENSITY_KERNEL_EPANECHNIKOV:
-      return DensityKernel::kEpanechnikov;
-    default:
-      return absl::InvalidArgumentError(
-          fmt::format("kernel is {}, no such kernel", static_cast<int>(kernel)));
-  }
-}
-
-/// `bytes` of an array that may be absent: empty, or `bytes_per_query` for each of `query_count`.
-absl::Status CheckQueryArray(std::string_view field, const std::string& bytes,
-                             std::size_t bytes_per_query, std::size_t query_count) {
-  if (bytes.empty() || bytes.size() == bytes_per_query * query_count) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("{}: {} bytes, expected {} ({} bytes for each of {} queries) or none", field,
-                  bytes.size(), bytes_per_query * query_count, bytes_per_query, query_count));
-}
-
-absl::Status CheckArrays(const v1::GatherRequest& request, const Limits& limits) {
-  constexpr std::size_t kPosition = 3 * sizeof(float);
-  const std::size_t length = request.positions().size();
-  const std::size_t query_count = length / kPosition;
-  if (length % kPosition != 0) {
-    return absl::InvalidArgumentError(
-        fmt::format("positions: {} bytes are no multiple of 12, three float32", length));
-  }
-  if (query_count == 0) {
-    return absl::InvalidArgumentError("positions: 0 queries, a batch holds at least 1");
-  }
-  if (query_count > limits.max_queries) {
-    return absl::ResourceExhaustedError(
-        fmt::format("positions: {} queries, the limit of a batch is {} (ServerLimits.max_queries); "
-                    "send several batches",
-                    query_count, limits.max_queries));
-  }
-  auto status = CheckQueryArray("radii", request.radii(), sizeof(float), query_count);
-  if (status.ok()) status = CheckQueryArray("normals", request.normals(), kPosition, query_count);
-  return status;
 }
 
 absl::StatusOr<std::chrono::milliseconds> ParseTimeToLive(std::string_view field,
@@ -146,38 +98,6 @@ absl::StatusOr<BuildPlan> ParseRebuild(const v1::RebuildPhotonMapRequest& reques
                    .request_id = request.request_id()};
 }
 
-GatherQueries GatherBatch::queries(std::size_t first, std::size_t last) const {
-  const auto slice = [&](const std::vector<float>& array, std::size_t width) {
-    return array.empty() ? std::span<const float>()
-                         : std::span(array).subspan(width * first, width * (last - first));
-  };
-  return {.positions = slice(positions, 3), .normals = slice(normals, 3), .radii = slice(radii, 1)};
-}
-
-absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const Gatherer& map,
-                                        const Limits& limits) {
-  if (auto status = CheckArrays(request, limits); !status.ok()) return status;
-  const auto kernel = ParseKernel(request.kernel());
-  if (!kernel.ok()) return kernel.status();
-  GatherBatch batch;
-  batch.options = {
-      .k = request.k(),
-      .radius = request.has_radius() ? request.radius() : std::numeric_limits<float>::infinity(),
-      .outputs = request.outputs(),
-      .kernel = *kernel,
-      .approximation = {.epsilon = request.approximation().epsilon(),
-                        .max_leaves = request.approximation().max_leaves(),
-                        .weight_tolerance = request.approximation().weight_tolerance(),
-                        .merged_photons = request.approximation().merged_photons(),
-                        .max_relative_error = request.approximation().max_relative_error()}};
-  AppendFromWire(request.positions(), batch.positions);
-  AppendFromWire(request.normals(), batch.normals);
-  AppendFromWire(request.radii(), batch.radii);
-  if (auto status = CheckGather(map, batch.queries(0, batch.size()), batch.options); !status.ok())
-    return status;
-  return batch;
-}
-
 v1::PhotonMap ToWire(const StoredMap& map) {
   const BuildReport& report = map.gatherer->report();
   v1::PhotonMap wire;
@@ -219,7 +139,11 @@ v1::MergeReport ToWire(const MergeChoice& choice) {
     return v1::EXACT_REASON_UNSPECIFIED;
   };
   v1::MergeReport wire;
-  wire.set_merged_photons(choice.merged_photons);
+  if (choice.fewer.kind == FewerPhotons::Kind::kMerged) {
+    wire.set_merged_photons(choice.fewer.group_size);
+  } else {
+    wire.set_thinned_photons(choice.fewer.group_size);
+  }
   wire.set_exact_reason(reason());
   wire.set_sampled_queries(choice.sampled);
   wire.set_measured_error(choice.measured_error);

@@ -50,22 +50,6 @@ absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const 
 absl::StatusOr<BuildPlan> ParseRebuild(const v1::RebuildPhotonMapRequest& request,
                                        const StoredMap& source);
 
-/// A batch of queries that owns its arrays.
-struct GatherBatch {
-  std::vector<float> positions;  ///< [3m]
-  std::vector<float> normals;    ///< [3m] or empty
-  std::vector<float> radii;      ///< [m] or empty
-  GatherOptions options;
-
-  /// The queries [first, last).
-  GatherQueries queries(std::size_t first, std::size_t last) const;
-  std::size_t size() const { return positions.size() / 3; }
-};
-
-/// Lengths and limits of a batch, and what CheckGather asks for on `map`.
-absl::StatusOr<GatherBatch> ParseGather(const v1::GatherRequest& request, const Gatherer& map,
-                                        const Limits& limits);
-
 v1::PhotonMap ToWire(const StoredMap& map);
 v1::MergeReport ToWire(const MergeChoice& choice);
 v1::Device ToWire(const DeviceInfo& device);

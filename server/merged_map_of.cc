@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/model/merge_photons.h"
+#include "core/model/thin_photons.h"
 #include "fmt/format.h"
 #include "server/residency.h"
 #include "server/upload.h"
@@ -29,26 +30,30 @@ absl::StatusOr<MemoryBudget::Share> TakeMemory(State& state, Holder holder, std:
   });
 }
 
-/// The photons of `map`, merged; the copies that they are made of are paid for meanwhile.
-absl::StatusOr<Photons> Merge(State& state, const StoredMap& map, std::uint32_t group_size,
-                              const std::string& what) {
+/// Fewer photons of `map`; the copies that they are made of are paid for meanwhile.
+absl::StatusOr<Photons> Reduce(State& state, const StoredMap& map, const FewerPhotons& fewer,
+                               const std::string& what) {
+  const bool merges = fewer.kind == FewerPhotons::Kind::kMerged;
   const BuildPlan whole = PlanOf(map, map.gatherer->photon_count());
-  const auto memory =
-      TakeMemory(state, Holder::kUploads, MapBytes(whole) + 2 * PhotonBytes(whole), what);
+  const auto memory = TakeMemory(state, Holder::kUploads,
+                                 (merges ? MapBytes(whole) : 0) + 2 * PhotonBytes(whole), what);
   if (!memory.ok()) return memory.status();
-  const auto tree = map.gatherer->ReadTree();
-  if (!tree.ok()) return tree.status();
   const auto photons = map.gatherer->ReadPhotons();
   if (!photons.ok()) return photons.status();
-  return MergePhotons(*tree, *photons, group_size);
+  if (!merges) return ThinPhotons(*photons, fewer.group_size);
+  const auto tree = map.gatherer->ReadTree();
+  if (!tree.ok()) return tree.status();
+  return MergePhotons(*tree, *photons, fewer.group_size);
 }
 
 absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const StoredMap& map,
-                                                         std::uint32_t group_size,
+                                                         const FewerPhotons& fewer,
                                                          const CancelCheck& cancelled) {
   const std::string what =
-      fmt::format("map '{}' with up to {} photons merged to one", map.name, group_size);
-  const auto photons = Merge(state, map, group_size, what);
+      fewer.kind == FewerPhotons::Kind::kMerged
+          ? fmt::format("map '{}' with up to {} photons merged to one", map.name, fewer.group_size)
+          : fmt::format("map '{}' with one of {} photons", map.name, fewer.group_size);
+  const auto photons = Reduce(state, map, fewer, what);
   if (!photons.ok()) return photons.status();
   if (cancelled && cancelled()) return absl::CancelledError("gather cancelled");
   const BuildPlan plan = PlanOf(map, photons->size());
@@ -80,9 +85,9 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const Sto
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const StoredMap& map,
-                                                            std::uint32_t group_size,
+                                                            const FewerPhotons& fewer,
                                                             const CancelCheck& cancelled) {
-  std::shared_ptr<const ResidentTree> merged = map.merged->Find(group_size);
+  std::shared_ptr<const ResidentTree> merged = map.merged->Find(fewer);
   if (merged == nullptr) {
     std::shared_ptr<const ResidentTree> tree;  // stays while others leave the device
     if (map.reloadable != nullptr) {
@@ -90,10 +95,10 @@ absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const 
       if (!acquired.ok()) return acquired.status();
       tree = *std::move(acquired);
     }
-    auto made = Make(state, map, group_size, cancelled);
+    auto made = Make(state, map, fewer, cancelled);
     if (!made.ok()) return made.status();
     merged = *std::move(made);
-    map.merged->Keep(group_size, merged);
+    map.merged->Keep(fewer, merged);
   }
   const Gatherer* const gatherer = merged->gatherer.get();
   return std::shared_ptr<const Gatherer>(std::move(merged), gatherer);

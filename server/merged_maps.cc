@@ -4,33 +4,33 @@
 
 namespace treelight::server {
 
-std::shared_ptr<const ResidentTree> MergedMaps::Find(std::uint32_t group_size) const {
+std::shared_ptr<const ResidentTree> MergedMaps::Find(const FewerPhotons& fewer) const {
   const std::lock_guard lock(mutex_);
-  const auto found = merged_.find(group_size);
+  const auto found = merged_.find(fewer);
   return found == merged_.end() ? nullptr : found->second;
 }
 
-void MergedMaps::Keep(std::uint32_t group_size, std::shared_ptr<const ResidentTree> merged) {
+void MergedMaps::Keep(const FewerPhotons& fewer, std::shared_ptr<const ResidentTree> merged) {
   const std::lock_guard lock(mutex_);
-  merged_[group_size] = std::move(merged);
+  merged_[fewer] = std::move(merged);
 }
 
 std::uint64_t MergedMaps::Drop() {
-  std::map<std::uint32_t, std::shared_ptr<const ResidentTree>> dropped;  // freed without the lock
+  std::map<FewerPhotons, std::shared_ptr<const ResidentTree>> dropped;  // freed without the lock
   const std::lock_guard lock(mutex_);
   for (auto merged = merged_.begin(); merged != merged_.end();) {
     const auto here = merged++;
     if (here->second.use_count() == 1) dropped.insert(merged_.extract(here));
   }
   std::uint64_t bytes = 0;
-  for (const auto& [group_size, merged] : dropped) bytes += merged->gatherer->report().device_bytes;
+  for (const auto& [fewer, merged] : dropped) bytes += merged->gatherer->report().device_bytes;
   return bytes;
 }
 
 std::uint64_t MergedMaps::held_bytes() const {
   const std::lock_guard lock(mutex_);
   std::uint64_t bytes = 0;
-  for (const auto& [group_size, merged] : merged_) bytes += merged->gatherer->report().device_bytes;
+  for (const auto& [fewer, merged] : merged_) bytes += merged->gatherer->report().device_bytes;
   return bytes;
 }
 

@@ -6,18 +6,19 @@
 #include <memory>
 #include <mutex>
 
+#include "core/merged_gather.h"
 #include "server/reloadable_map.h"
 
 namespace treelight::server {
 
-/// The merged maps of one map (core/merged_gather.h) that have been made. Safe to call from several
-/// threads at once.
+/// The maps of fewer photons of one map (core/merged_gather.h) that have been made. Safe to call
+/// from several threads at once.
 class MergedMaps {
  public:
   /// Null where it has not been made, or was dropped.
-  std::shared_ptr<const ResidentTree> Find(std::uint32_t group_size) const;
+  std::shared_ptr<const ResidentTree> Find(const FewerPhotons& fewer) const;
 
-  void Keep(std::uint32_t group_size, std::shared_ptr<const ResidentTree> merged);
+  void Keep(const FewerPhotons& fewer, std::shared_ptr<const ResidentTree> merged);
 
   /// Lets go of those that nobody gathers from; what they held of their device, bytes.
   std::uint64_t Drop();
@@ -27,8 +28,8 @@ class MergedMaps {
 
  private:
   mutable std::mutex mutex_;
-  // Guarded by mutex_. By group size.
-  std::map<std::uint32_t, std::shared_ptr<const ResidentTree>> merged_;
+  // Guarded by mutex_.
+  std::map<FewerPhotons, std::shared_ptr<const ResidentTree>> merged_;
 };
 
 }  // namespace treelight::server

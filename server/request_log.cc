@@ -67,6 +67,8 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
     json["r"] = FormatRadius(*record.radius);
   }
   if (record.approximation) json["approximation"] = FormatMessage(*record.approximation);
+  if (record.quantized) json["quantized"] = true;
+  if (record.answer_floats == v1::FLOAT_FORMAT_HALF) json["answer_floats"] = "FLOAT_FORMAT_HALF";
   if (record.merge_report) json["merge_report"] = FormatMessage(*record.merge_report);
   json["bytes_in"] = record.bytes_in;
   json["bytes_out"] = record.bytes_out;

@@ -35,6 +35,8 @@ struct RequestRecord {
   std::optional<float> radius;
   bool own_radii = false;  ///< the queries have a radius each: `r` is written as "per query"
   std::optional<v1::Approximation> approximation;  ///< as asked for
+  bool quantized = false;                          ///< the queries came as 16-bit offsets
+  v1::FloatFormat answer_floats{};                 ///< written where it is not float32
   std::optional<v1::MergeReport> merge_report;     ///< the same as in the answer
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;

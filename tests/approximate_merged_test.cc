@@ -14,6 +14,7 @@
 #include "core/merge_choice.h"
 #include "core/merged_gather.h"
 #include "core/model/merge_photons.h"
+#include "core/model/thin_photons.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/answers.h"
@@ -25,7 +26,7 @@ namespace {
 
 constexpr std::uint32_t kSums = kOutputCount | kOutputRadius | kOutputDensity;
 
-/// A map with merged maps of every size, made by the same builder on first use.
+/// A map with maps of fewer photons of every size, made by the same builder on first use.
 class MergedMaps {
  public:
   MergedMaps(Builder& builder, const Photons& photons, const BuildOptions& options = {})
@@ -33,15 +34,21 @@ class MergedMaps {
 
   const Gatherer& map() const { return *map_; }
   std::shared_ptr<const Gatherer> Merged(std::uint32_t group_size) {
-    auto& merged = merged_[group_size];
+    return Fewer({FewerPhotons::Kind::kMerged, group_size});
+  }
+  std::shared_ptr<const Gatherer> Fewer(const FewerPhotons& fewer) {
+    auto& merged = merged_[fewer];
     if (merged == nullptr) {
-      merged = *builder_.Build(MergePhotons(*map_->ReadTree(), *map_->ReadPhotons(), group_size),
+      const Photons all = *map_->ReadPhotons();
+      merged = *builder_.Build(fewer.kind == FewerPhotons::Kind::kMerged
+                                   ? MergePhotons(*map_->ReadTree(), all, fewer.group_size)
+                                   : ThinPhotons(all, fewer.group_size),
                                options_);
     }
     return merged;
   }
   MergeChoice Choose(const GatherQueries& queries, const GatherOptions& options) {
-    const auto merged = [this](std::uint32_t group_size) { return Merged(group_size); };
+    const auto merged = [this](const FewerPhotons& fewer) { return Fewer(fewer); };
     const auto choice = ChooseMerge(*map_, merged, queries, options);
     EXPECT_TRUE(choice.ok()) << choice.status();
     return choice.ok() ? *choice : MergeChoice();
@@ -51,7 +58,7 @@ class MergedMaps {
   Builder& builder_;
   const BuildOptions options_;
   const std::unique_ptr<Gatherer> map_;
-  std::map<std::uint32_t, std::shared_ptr<const Gatherer>> merged_;
+  std::map<FewerPhotons, std::shared_ptr<const Gatherer>> merged_;
 };
 
 Builder& CpuBuilder() {
@@ -180,9 +187,9 @@ TEST(ChooseMergeTest, BatchesKeepTheirErrorOnEveryCloud) {
           GatherOptions options = asked;
           options.approximation.max_relative_error = error;
           const MergeChoice choice = maps.Choose(queries, options);
-          EXPECT_EQ(choice.merged_photons == 0, choice.reason != ExactReason::kNone);
+          EXPECT_EQ(choice.exact(), choice.reason != ExactReason::kNone);
           ++batches;
-          if (choice.merged_photons == 0) {
+          if (choice.exact()) {
             ++within;
             continue;
           }
@@ -223,12 +230,13 @@ TEST(ChooseMergeTest, SaysWhyABatchIsExact) {
   EXPECT_EQ(strict.reason, ExactReason::kErrorTooBig);
   EXPECT_GT(strict.error_limit, 0.015f);
   EXPECT_EQ(strict.merged, nullptr);
-  const auto no_memory = [](std::uint32_t) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
+  const auto no_memory =
+      [](const FewerPhotons&) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
     return absl::ResourceExhaustedError("none");
   };
   EXPECT_EQ(ChooseMerge(maps.map(), no_memory, all, asks(500, 0.1f))->reason,
             ExactReason::kNoMemory);
-  const auto failed = [](std::uint32_t) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
+  const auto failed = [](const FewerPhotons&) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
     return absl::InternalError("broken");
   };
   EXPECT_TRUE(absl::IsInternal(ChooseMerge(maps.map(), failed, all, asks(500, 0.1f)).status()));
@@ -241,11 +249,78 @@ TEST(ChooseMergeTest, AGroupSizeThatIsAskedForIsMeasured) {
   const GatherOptions options{
       .k = 500, .outputs = kOutputDensity, .approximation = {.merged_photons = 16}};
   const MergeChoice choice = maps.Choose({.positions = positions}, options);
-  EXPECT_EQ(choice.merged_photons, 16u);
+  EXPECT_EQ(choice.fewer, (FewerPhotons{FewerPhotons::Kind::kMerged, 16}));
   EXPECT_EQ(choice.sampled, 29u);  // one in 32
   EXPECT_GT(choice.measured_error, 0);
   // The same batch, the same choice.
   EXPECT_EQ(maps.Choose({.positions = positions}, options).measured_error, choice.measured_error);
+}
+
+TEST(ThinPhotonsTest, OneOfEachRunStaysWithThePowerOfAll) {
+  for (const std::size_t count : {0u, 1u, 7u, 8u, 9u, 2003u}) {
+    const Photons photons = MakeCloud(CloudNamed("uniform"), count, /*seed=*/3);
+    for (const std::uint32_t size : {1u, 2u, 8u, 64u}) {
+      SCOPED_TRACE(std::to_string(count) + " by " + std::to_string(size));
+      const Photons kept = ThinPhotons(photons, size);
+      ASSERT_GE(kept.size(), count / size);
+      ASSERT_LE(kept.size(), (count + size - 1) / size);
+      std::size_t photon = 0;
+      for (std::size_t i = 0; i < kept.size(); ++i) {
+        while (photon < count && photons.position(photon) != kept.position(i)) ++photon;
+        ASSERT_LT(photon, count);  // in the same order
+        ASSERT_EQ(photon / size, i);
+        for (std::size_t c = 0; c < 3; ++c) {
+          const double times = static_cast<double>(count) / static_cast<double>(kept.size());
+          ASSERT_FLOAT_EQ(kept.powers[3 * i + c],
+                          static_cast<float>(times * photons.powers[3 * photon + c]));
+        }
+        ASSERT_EQ(kept.directions[2 * i], photons.directions[2 * photon]);
+        ASSERT_EQ(kept.directions[2 * i + 1], photons.directions[2 * photon + 1]);
+      }
+      if (size == 1) {
+        EXPECT_EQ(kept.powers, photons.powers);
+      }
+    }
+  }
+}
+
+TEST(ThinPhotonsTest, EachPlaceOfARunIsAsLikely) {
+  constexpr std::size_t kRuns = 20'000;
+  constexpr std::uint32_t kSize = 8;
+  Photons photons;
+  for (std::size_t i = 0; i < kRuns * kSize; ++i) {
+    photons.positions.insert(photons.positions.end(), {static_cast<float>(i % kSize), 0, 0});
+  }
+  photons.powers = photons.positions;
+  const Photons kept = ThinPhotons(photons, kSize);
+  std::vector<std::size_t> counts(kSize);
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    ++counts[static_cast<std::size_t>(kept.position(i).x)];
+  }
+  // Five standard deviations.
+  const double expected = kRuns / double{kSize}, margin = 5 * std::sqrt(expected);
+  for (const std::size_t count : counts) EXPECT_NEAR(static_cast<double>(count), expected, margin);
+}
+
+TEST(ThinPhotonsTest, DensitiesErrAsTheirNumberSaysAndMoreThanMergedOnes) {
+  const Photons photons = MakeCloud(CloudNamed("surfaces"), 50021, /*seed=*/5);
+  const auto positions = MakeQueries(photons, 2000, /*seed=*/6);
+  MergedMaps maps(CpuBuilder(), photons);
+  for (const std::uint32_t size : {4u, 16u}) {
+    GatherOptions options{.k = 500, .outputs = kSums, .approximation = {.thinned_photons = size}};
+    const MergeChoice choice = maps.Choose({.positions = positions}, options);
+    ASSERT_EQ(choice.fewer, (FewerPhotons{FewerPhotons::Kind::kThinned, size}));
+    const auto exact = *maps.map().Gather({.positions = positions}, {.k = 500, .outputs = kSums});
+    const auto error_of = [&](const Gatherer& fewer) {
+      return ErrorOf(*GatherMerged(maps.map(), fewer, {.positions = positions}, options), exact);
+    };
+    const double error = error_of(*choice.merged);
+    EXPECT_NEAR(choice.measured_error, error, 0.5 * error);
+    const double told = std::sqrt(4.0 / 3 * (size - 1) / 500.0);
+    EXPECT_GT(error, 0.5 * told) << size;
+    EXPECT_LT(error, 2 * told) << size;
+    EXPECT_LT(error_of(*maps.Merged(size)), error / 2) << size;
+  }
 }
 
 TEST(ChooseMergeTest, DevicesMergeAsTheCpuDoes) {
@@ -256,8 +331,8 @@ TEST(ChooseMergeTest, DevicesMergeAsTheCpuDoes) {
   MergedMaps on_cpu(CpuBuilder(), photons), on_device(TestBuilder(), photons);
   const MergeChoice cpu = on_cpu.Choose({.positions = positions}, options);
   const MergeChoice device = on_device.Choose({.positions = positions}, options);
-  ASSERT_GT(cpu.merged_photons, 0u);
-  ASSERT_EQ(device.merged_photons, cpu.merged_photons);
+  ASSERT_FALSE(cpu.exact());
+  ASSERT_EQ(device.fewer, cpu.fewer);
   const auto expected = *GatherMerged(on_cpu.map(), *cpu.merged, {.positions = positions}, options);
   const auto answer =
       *GatherMerged(on_device.map(), *device.merged, {.positions = positions}, options);
@@ -288,6 +363,14 @@ TEST(ApproximationTest, WrongValuesAreRefused) {
               HasSubstr("max_relative_error is 0.5, which goes with no other field"));
   EXPECT_THAT(refused({.epsilon = 1, .merged_photons = 4}, kOutputDensity),
               HasSubstr("merged_photons is 4, which goes with no other field"));
+  EXPECT_THAT(refused({.thinned_photons = 5}, kOutputDensity),
+              HasSubstr("thinned_photons is 5, it must be 0 or a power of two in [2, 64]"));
+  EXPECT_THAT(refused({.merged_photons = 4, .thinned_photons = 4}, kOutputDensity),
+              HasSubstr("merged_photons is 4, which goes with no other field"));
+  EXPECT_THAT(refused({.epsilon = 1, .thinned_photons = 4}, kOutputDensity),
+              HasSubstr("thinned_photons is 4, which goes with no other field"));
+  EXPECT_THAT(refused({.thinned_photons = 4}, kOutputCount),
+              HasSubstr("thinned_photons is 4, but outputs is 1: it is for DENSITY"));
   EXPECT_THAT(refused({.max_relative_error = 0.5f}, kOutputCount),
               HasSubstr("but outputs is 1: it is for DENSITY"));
   EXPECT_THAT(refused({.max_relative_error = 0.5f}, kOutputDensity | kOutputNeighbors),

@@ -6,6 +6,7 @@
 #include "gtest/gtest.h"
 #include "server/address.h"
 #include "server/answer.h"
+#include "server/gather_batch.h"
 #include "server/upload.h"
 #include "server/wire_build_options.h"
 #include "tests/server_fixture.h"
@@ -294,11 +295,11 @@ TEST(AnswerTest, PartsOfUncappedListsHoldEveryQueryOnceAndRestartAtZero) {
   const Limits limits{.max_message_bytes = 2000, .max_part_bytes = 1500};
   std::size_t first = 0, parts = 0;
   while (first < 50) {
-    const auto last = FindPartEnd(result, options, 50, first, limits);
+    const auto last = FindPartEnd(result, options, v1::FLOAT_FORMAT_FLOAT32, 50, first, limits);
     ASSERT_TRUE(last.ok()) << last.status();
     ASSERT_GT(*last, first);
     v1::GatherResponse part;
-    WritePart(result, options, first, *last, part);
+    WritePart(result, options, v1::FLOAT_FORMAT_FLOAT32, first, *last, part);
     const auto offsets = Array<std::uint64_t>(part.neighbor_offsets());
     const auto ids = Array<std::uint32_t>(part.neighbor_ids());
     ASSERT_EQ(offsets.size(), *last - first + 1);
@@ -317,7 +318,9 @@ TEST(AnswerTest, PartsOfUncappedListsHoldEveryQueryOnceAndRestartAtZero) {
   EXPECT_GT(parts, 10u);
   // A list that no message holds.
   EXPECT_EQ(
-      FindPartEnd(result, options, 50, 49, {.max_message_bytes = 1400}).status().ToString(),
+      FindPartEnd(result, options, v1::FLOAT_FORMAT_FLOAT32, 50, 49, {.max_message_bytes = 1400})
+          .status()
+          .ToString(),
       "RESOURCE_EXHAUSTED: query 49 has 49 neighbours, 400 bytes, the limit of a message is 1400; "
       "give k > 0 or a smaller radius");
 }

@@ -195,7 +195,7 @@ TEST(GatherWireTest, AnotherVersionInTheMiddleIsInternal) {
 TEST(GatherWireTest, UnequalArraysAreRefused) {
   const std::vector<float> four(4), three(3), two(2);
   const auto message = [](const GatherQueries& queries) {
-    return std::string(CheckLengths(queries).message());
+    return std::string(CheckQueries(queries, {}).message());
   };
   EXPECT_EQ(message({.positions = four, .normals = {}, .radii = {}}),
             "positions: 4 numbers are no multiple of 3");

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/model/half.h"
 #include "gmock/gmock.h"
 #include "server/gather_together.h"
 #include "tests/gated_service.h"
@@ -25,6 +26,7 @@ class ServiceTogetherTest : public GatedServiceTest {
   struct Call {
     std::vector<float> positions;
     GatherOptions options;
+    v1::FloatFormat floats;
     grpc::ClientContext context;
     v1::GatherResponse response;
     std::future<grpc::Status> status;
@@ -32,14 +34,17 @@ class ServiceTogetherTest : public GatedServiceTest {
 
   /// Sends a batch that has to wait, since `first_` stands at the gate.
   Call& Send(std::size_t queries, const GatherOptions& options,
-             std::chrono::milliseconds timeout = std::chrono::minutes(1)) {
+             std::chrono::milliseconds timeout = std::chrono::minutes(1),
+             v1::FloatFormat floats = v1::FLOAT_FORMAT_FLOAT32) {
     Call& call = *calls_.emplace_back(std::make_unique<Call>());
     call.positions = MakePoints(queries, static_cast<std::uint32_t>(calls_.size()));
     call.options = options;
+    call.floats = floats;
     call.context.set_deadline(std::chrono::system_clock::now() + timeout);
     call.status = std::async(std::launch::async, [this, &call] {
-      return stub_->Gather(&call.context, MakeBatch("cloud", call.positions, call.options),
-                           &call.response);
+      v1::GatherRequest request = MakeBatch("cloud", call.positions, call.options);
+      request.set_answer_floats(call.floats);
+      return stub_->Gather(&call.context, request, &call.response);
     });
     EXPECT_TRUE(Eventually([&] { return Waiting() == calls_.size(); }));
     return call;
@@ -101,6 +106,29 @@ TEST_F(ServiceTogetherTest, SmallBatchesThatWaitAreAnsweredInOneLaunch) {
   }
   EXPECT_EQ(batches.size(), 8u);
   EXPECT_THAT(batches, Each(8));
+}
+
+TEST_F(ServiceTogetherTest, EachIsAnsweredInTheFormatThatItAsksFor) {
+  StartWithOneAtTheGate();
+  const GatherOptions options{.k = 8, .radius = 0.3f, .outputs = kLists};
+  Call& floats = Send(3, options);
+  Call& halves = Send(3, options, std::chrono::minutes(1), v1::FLOAT_FORMAT_HALF);
+  gate_->open = true;
+  EXPECT_TRUE(first_->status.get().ok());
+  ExpectRight(floats);
+  EXPECT_FALSE(floats.response.approximate());
+  ASSERT_TRUE(halves.status.get().ok());
+  EXPECT_EQ(gate_->gathers, 2);  // the first, and these together
+  const GatherResult expected = Expected(photons_, halves.positions, options);
+  EXPECT_EQ(Array<std::uint32_t>(halves.response.neighbor_ids()), expected.neighbor_ids);
+  std::vector<float> radii;
+  AppendFromHalves(Array<std::uint16_t>(halves.response.radii()),
+                   halves.response.wire_report().radius_scale(), radii);
+  ASSERT_EQ(radii.size(), expected.radii.size());
+  for (std::size_t i = 0; i < radii.size(); ++i) {
+    EXPECT_NEAR(radii[i], expected.radii[i], kHalfError * expected.radii[i]);
+  }
+  EXPECT_TRUE(halves.response.approximate());
 }
 
 TEST_F(ServiceTogetherTest, OneThatIsCancelledDoesNotStopTheOthers) {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "server/convert.h"
+#include "server/gather_batch.h"
 #include "server/upload.h"
 #include "tests/fuzz/require.h"
 
@@ -96,6 +97,8 @@ void Gather(const std::string& bytes) {
   const auto batch = ParseGather(request, map, SmallLimits());
   if (!batch.ok()) return RequireRefusal(batch.status());
   Require(batch->size() >= 1 && batch->size() <= 1000, "a batch keeps the limits");
+  Require(batch->size() == QueryCount(request), "a batch has the queries of its request");
+  Require(batch->largest_move >= 0 && batch->largest_move < 1e15f, "queries are moved by steps");
   const auto answer = map.Gather(batch->queries(0, batch->size()), batch->options);
   if (!answer.ok()) RequireRefusal(answer.status());
 }
