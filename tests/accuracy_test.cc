@@ -40,18 +40,18 @@ TEST(TruthTest, AnAnswerThatIsWrongIsToldSo) {
   const auto third = static_cast<float>(truth[0].density / 3);
   GatherResult answer;
   answer.radii = {2};
-  answer.neighbor_squared_distances = {1, 4};
+  answer.neighbor_ids = {0, 1};
   answer.densities = {third, third, third};
-  const AnswerError none = CompareAnswers(answer, truth, 2);
+  const AnswerError none = CompareAnswers(OnALine(), queries, answer, truth, 2);
   EXPECT_EQ(none.distance, 0);
   EXPECT_EQ(none.recall, 1);
   EXPECT_NEAR(none.density, 0, 1e-7);
   // The third photon instead of the second.
   answer.radii = {3};
-  answer.neighbor_squared_distances = {1, 9};
+  answer.neighbor_ids = {0, 2};
   answer.densities = {2 * third, third, third};
   answer.error_bounds = {0.5f};
-  const AnswerError error = CompareAnswers(answer, truth, 2);
+  const AnswerError error = CompareAnswers(OnALine(), queries, answer, truth, 2);
   EXPECT_DOUBLE_EQ(error.distance, 0.5);
   EXPECT_DOUBLE_EQ(error.recall, 0.5);
   EXPECT_NEAR(error.density, 1.0 / 3, 1e-6);
@@ -91,7 +91,7 @@ TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
       });
   ASSERT_TRUE(status.ok()) << status;
   ASSERT_EQ(rows.size(), SettingGrid(plan.ks, plan.errors).size());
-  double last = 0;
+  double last = 0, merged_error = 1;
   for (const AccuracyRow& row : rows) {
     SCOPED_TRACE(AccuracyCsvLine(row));
     EXPECT_GT(row.speed.whole_ns, 0);
@@ -105,6 +105,22 @@ TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
       EXPECT_EQ(row.merge.merged_photons, 2u);
       EXPECT_GT(row.error.density, 0);
       EXPECT_LT(row.error.density, 0.2);
+      merged_error = row.error.density;
+    }
+    // Positions and densities: 12 bytes each, or half of that, and what goes with each message.
+    const bool quantized = knob == Knob::kQuantized || knob == Knob::kCompact;
+    const bool halves = knob == Knob::kHalves || knob == Knob::kCompact;
+    EXPECT_NEAR(row.speed.request_bytes, quantized ? 6 : 12, 0.5);
+    EXPECT_NEAR(row.speed.answer_bytes, halves ? 6 : 12, 0.5);
+    if (quantized || halves) {
+      EXPECT_GT(row.error.density, 1e-6);
+      EXPECT_LT(row.error.density, 1e-3);
+      EXPECT_LT(row.error.distance, 1e-3);
+      EXPECT_GT(row.error.recall, 0.999);
+    }
+    if (knob == Knob::kThinnedWithin && row.setting.value == 2) {
+      EXPECT_EQ(row.merge.merged_photons, 2u);
+      EXPECT_GT(row.error.density, merged_error);
     }
     if (AsksForError(knob)) {
       EXPECT_EQ(row.merge.batches, 2u);

@@ -32,23 +32,6 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
-/// A random subset of `photons`: each stays with probability `fraction` and carries the power of
-/// those that go.
-Photons Subset(const Photons& photons, double fraction, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  const auto bound = static_cast<std::uint64_t>(fraction * 0x1p64);
-  const auto rescale = static_cast<float>(1 / fraction);
-  Photons kept;
-  for (std::size_t i = 0; i < photons.size(); ++i) {
-    if (random() >= bound) continue;
-    for (std::size_t c = 3 * i; c < 3 * i + 3; ++c) {
-      kept.positions.push_back(photons.positions[c]);
-      kept.powers.push_back(rescale * photons.powers[c]);
-    }
-  }
-  return kept;
-}
-
 /// One scene on the server. Deletes its maps at the end.
 class SceneMeasurement {
  public:
@@ -62,7 +45,7 @@ class SceneMeasurement {
             fmt::format("accuracy.{:08x}{:08x}", std::random_device{}(), std::random_device{}())) {}
 
   ~SceneMeasurement() {
-    for (const MapRef& map : maps_) (void)client_.DeletePhotonMap(map);
+    if (map_.version > 0) (void)client_.DeletePhotonMap(map_);
     if (pictures_) (void)DeleteMaps(client_, *pictures_);
   }
   SceneMeasurement(const SceneMeasurement&) = delete;
@@ -87,9 +70,11 @@ class SceneMeasurement {
     if (!traced.ok()) return traced.status();
     photons_ = *std::move(traced);
     queries_ = SamplePositions(photons_.indirect.positions, plan_.queries, plan_.seed);
-    const auto map = Upload(photons_.indirect);
-    if (!map.ok()) return map.status();
-    whole_ = *map;
+    const auto built =
+        client_.BuildPhotonMap(map_name_, photons_.indirect, {.time_to_live = kTimeToLive});
+    if (!built.ok()) return built.status();
+    device_ = built->map().device();
+    map_ = {.name = built->map().name(), .version = built->map().version()};
     if (plan_.picture_size == 0) return absl::OkStatus();
     const auto uploaded =
         UploadMaps(client_, photons_, {.name = map_name_, .time_to_live = kTimeToLive});
@@ -104,31 +89,11 @@ class SceneMeasurement {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<MapRef> Upload(const Photons& photons) {
-    const auto built = client_.BuildPhotonMap(map_name_, photons, {.time_to_live = kTimeToLive});
-    if (!built.ok()) return built.status();
-    device_ = built->map().device();
-    maps_.push_back({.name = built->map().name(), .version = built->map().version()});
-    return maps_.back();
-  }
-
-  /// The map that a setting gathers from.
-  absl::StatusOr<MapRef> MapOf(const Setting& setting) {
-    if (setting.knob != Knob::kFraction) return whole_;
-    auto& map = fractions_[setting.value];
-    if (!map) {
-      const auto uploaded = Upload(Subset(photons_.indirect, setting.value, plan_.seed));
-      if (!uploaded.ok()) return uploaded.status();
-      map = *uploaded;
-    }
-    return *map;
-  }
-
   /// The radius that holds k photons around half of the queries.
   absl::StatusOr<float> RadiusOf(std::uint32_t k) {
     auto& radius = radii_[k];
     if (!radius) {
-      const auto found = RadiusOfNearest(client_, whole_, photons_.indirect, k, /*quantile=*/0.5);
+      const auto found = RadiusOfNearest(client_, map_, photons_.indirect, k, /*quantile=*/0.5);
       if (!found.ok()) return found.status();
       radius = *found;
     }
@@ -150,15 +115,13 @@ class SceneMeasurement {
       if (!radius.ok()) return radius.status();
       options.radius = row.radius = *radius;
     }
-    const auto map = MapOf(setting);
-    if (!map.ok()) return map.status();
-    const auto speed = Time(*map, options, row.merge);
+    const auto speed = Time(options, WireOf(setting), row.merge);
     if (!speed.ok()) return speed.status();
     row.speed = *speed;
     if (AsksForError(setting.knob)) {
-      if (auto status = CountWithin(*map, options, row.merge); !status.ok()) return status;
+      if (auto status = CountWithin(options, row.merge); !status.ok()) return status;
     }
-    const auto error = Judge(*map, setting, options);
+    const auto error = Judge(setting, options);
     if (!error.ok()) return error.status();
     row.error = *error;
     const bool has_picture = setting.knob == Knob::kNone || setting.knob == Knob::kEpsilon ||
@@ -170,34 +133,40 @@ class SceneMeasurement {
     return row;
   }
 
-  absl::StatusOr<AnswerSpeed> Time(const MapRef& map, const GatherOptions& options,
+  absl::StatusOr<AnswerSpeed> Time(const GatherOptions& options, const WireOptions& wire,
                                    ChosenMerge& merge) {
+    AnswerSpeed speed;
     std::vector<double> kernel, whole;
     const double count = static_cast<double>(queries_.size()) / 3;
     for (std::uint32_t run = 0; run <= plan_.runs; ++run) {
       const auto begin = Clock::now();
-      const auto answer = client_.Gather(map, {.positions = queries_}, options);
+      const auto answer = client_.Gather(map_, {.positions = queries_}, options, wire);
       const std::chrono::duration<double, std::nano> took = Clock::now() - begin;
       if (!answer.ok()) return answer.status();
-      merge.merged_photons = answer->merge_report.merged_photons();
-      merge.measured_error = answer->merge_report.measured_error();
+      const v1::MergeReport& report = answer->merge_report;
+      merge.merged_photons = std::max(report.merged_photons(), report.thinned_photons());
+      merge.measured_error = report.measured_error();
+      speed.request_bytes = static_cast<double>(answer->wire.request_bytes) / count;
+      speed.answer_bytes = static_cast<double>(answer->wire.answer_bytes) / count;
       if (run == 0) continue;  // compiles, fills caches
       kernel.push_back(1e3 * answer->timings.kernel_us() / count);
       whole.push_back(took.count() / count);
     }
-    return AnswerSpeed{.kernel_ns = Median(kernel), .whole_ns = Median(whole)};
+    speed.kernel_ns = Median(kernel);
+    speed.whole_ns = Median(whole);
+    return speed;
   }
 
   /// How many of further batches keep the error that they ask for, beside exact answers.
-  absl::Status CountWithin(const MapRef& map, const GatherOptions& options, ChosenMerge& merge) {
+  absl::Status CountWithin(const GatherOptions& options, ChosenMerge& merge) {
     GatherOptions exactly = options;
     exactly.approximation = {};
     for (std::uint32_t batch = 1; batch <= plan_.batches; ++batch) {
       const auto queries =
           SamplePositions(photons_.indirect.positions, plan_.batch_queries, plan_.seed + batch);
-      const auto exact = client_.Gather(map, {.positions = queries}, exactly);
+      const auto exact = client_.Gather(map_, {.positions = queries}, exactly);
       if (!exact.ok()) return exact.status();
-      const auto answer = client_.Gather(map, {.positions = queries}, options);
+      const auto answer = client_.Gather(map_, {.positions = queries}, options);
       if (!answer.ok()) return answer.status();
       const double error = DensityError(answer->result, exact->result);
       ++merge.batches;
@@ -206,8 +175,7 @@ class SceneMeasurement {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<AnswerError> Judge(const MapRef& map, const Setting& setting,
-                                    GatherOptions options) {
+  absl::StatusOr<AnswerError> Judge(const Setting& setting, GatherOptions options) {
     const auto checked =
         std::span(queries_).first(3 * std::min<std::size_t>(plan_.checked, queries_.size() / 3));
     const bool within = IsWithinRadius(setting.knob);
@@ -220,10 +188,11 @@ class SceneMeasurement {
     if (!within && !merges) options.outputs |= kOutputNeighbors;
     if (options.approximation.any()) options.outputs |= kOutputErrorBound;
     // A choice is that of the whole batch.
-    const auto answer = client_.Gather(
-        map, {.positions = merges ? std::span<const float>(queries_) : checked}, options);
+    const auto answer =
+        client_.Gather(map_, {.positions = merges ? std::span<const float>(queries_) : checked},
+                       options, WireOf(setting));
     if (!answer.ok()) return answer.status();
-    return CompareAnswers(answer->result, truth, options.k);
+    return CompareAnswers(photons_.indirect, queries_, answer->result, truth, options.k);
   }
 
   absl::StatusOr<PictureError> Render(const GatherOptions& gather) {
@@ -258,9 +227,7 @@ class SceneMeasurement {
   std::string device_;
   TracedPhotons photons_;
   std::vector<float> queries_;  // [3m]
-  std::vector<MapRef> maps_;
-  MapRef whole_;
-  std::map<double, std::optional<MapRef>> fractions_;
+  MapRef map_;
   std::map<std::uint32_t, std::optional<float>> radii_;
   std::map<std::pair<bool, std::uint32_t>, std::vector<TrueAnswer>> truths_;
   std::optional<PhotonMaps> pictures_;

@@ -20,7 +20,7 @@ struct AnswerError {
 
 /// What the server chose for answers from merged photons; see v1::MergeReport.
 struct ChosenMerge {
-  std::uint32_t merged_photons = 0;  ///< 0: exact
+  std::uint32_t merged_photons = 0;  ///< that one stands for, merged or thinned; 0: exact
   double measured_error = 0;         ///< of the server's sample
   std::uint32_t batches = 0;         ///< further ones that asked for the same error
   std::uint32_t batches_within = 0;  ///< of them, by comparison with exact answers
@@ -30,6 +30,8 @@ struct ChosenMerge {
 struct AnswerSpeed {
   double kernel_ns = 0;  ///< of one gather on the device, median of the runs
   double whole_ns = 0;   ///< of one gather as the client sees it, median of the runs
+  /// Of one gather in the messages.
+  double request_bytes = 0, answer_bytes = 0;
 };
 
 /// A picture beside its path-traced reference; zeros where none was rendered.

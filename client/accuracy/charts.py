@@ -10,17 +10,21 @@ from chart_style import pyplot, read, save
 
 STYLES = {
     "exact": ("k nearest, exact", "o", "#444444"),
+    "quantized": ("queries of 16 bits", "<", "#888888"),
+    "halves": ("half answers", ">", "#888888"),
+    "quantized_halves": ("both", "h", "#888888"),
     "epsilon": ("(1 + epsilon) nearest", "s", "#1f77b4"),
     "max_leaves": ("budget of leaves", "^", "#d62728"),
-    "fraction": ("fraction of the photons", "D", "#2ca02c"),
     "radius": ("within a radius, exact", "o", "#9467bd"),
     "weight_tolerance": ("whole subtrees summed", "v", "#ff7f0e"),
     "merged_photons": ("merged photons, k nearest", "P", "#17becf"),
     "max_relative_error": ("an error asked for, k nearest", "*", "#0b5f6b"),
     "merged_within": ("merged photons, within a radius", "X", "#e377c2"),
+    "thinned_photons": ("random subset, k nearest", "D", "#2ca02c"),
+    "thinned_within": ("random subset, within a radius", "d", "#8fce6a"),
     "error_within": ("an error asked for, within a radius", "*", "#8c1a6a"),
 }
-WITHIN = ("radius", "weight_tolerance", "merged_within", "error_within")
+WITHIN = ("radius", "weight_tolerance", "merged_within", "thinned_within", "error_within")
 NUMBERS = ("value", "k", "density_error", "kernel_ns", "picture_rmse", "picture_s", "reference_noise")
 LEAST = 1e-7  # what is exact is drawn here: errors of float's roundings
 

@@ -16,13 +16,16 @@ struct Photon {
 
 double Square(double x) { return x * x; }
 
+double SquaredDistance(const Photons& photons, std::size_t photon, const float* query) {
+  const float* const p = &photons.positions[3 * photon];
+  return Square(double{p[0]} - query[0]) + Square(double{p[1]} - query[1]) +
+         Square(double{p[2]} - query[2]);
+}
+
 std::vector<Photon> MeasureAll(const Photons& photons, const float* query) {
   std::vector<Photon> all(photons.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
-    const float* const p = &photons.positions[3 * i];
-    all[i] = {Square(double{p[0]} - query[0]) + Square(double{p[1]} - query[1]) +
-                  Square(double{p[2]} - query[2]),
-              static_cast<std::uint32_t>(i)};
+    all[i] = {SquaredDistance(photons, i, query), static_cast<std::uint32_t>(i)};
   }
   return all;
 }
@@ -75,7 +78,8 @@ double DensityError(const GatherResult& answer, const GatherResult& exact) {
   return std::sqrt(squares / std::max<double>(1, static_cast<double>(count)));
 }
 
-AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswer> truth,
+AnswerError CompareAnswers(const Photons& photons, std::span<const float> queries,
+                           const GatherResult& answer, std::span<const TrueAnswer> truth,
                            std::uint32_t k) {
   AnswerError error;
   double distances = 0, densities = 0, found = 0;
@@ -83,11 +87,14 @@ AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswe
   for (std::size_t i = 0; i < truth.size(); ++i) {
     if (k > 0) {
       distances += Square(answer.radii[i] / truth[i].distance - 1);
-      if (answer.neighbor_squared_distances.empty()) continue;  // of merged photons
+      if (answer.neighbor_ids.empty()) continue;  // of fewer photons
       // Within float's rounding of the k-th.
       const double limit = Square(truth[i].distance) * (1 + 1e-6);
       for (std::uint32_t j = 0; j < k; ++j) {
-        found += answer.neighbor_squared_distances[std::size_t{i} * k + j] <= limit ? 1 : 0;
+        const std::uint32_t id = answer.neighbor_ids[std::size_t{i} * k + j];
+        const bool is_right =
+            id != kNoPhoton && SquaredDistance(photons, id, &queries[3 * i]) <= limit;
+        found += is_right ? 1 : 0;
       }
     }
   }

@@ -27,10 +27,14 @@ std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const flo
 /// where both are 0, 1 where only the exact one is.
 double DensityError(const GatherResult& answer, const GatherResult& exact);
 
-/// How far the answers to the first truth.size() queries are from the truth.
-/// @param answer  with radii and densities; with neighbours where k > 0
-/// @param k       of the gather that was asked for; 0: within a radius
-AnswerError CompareAnswers(const GatherResult& answer, std::span<const TrueAnswer> truth,
+/// How far the answers to the first truth.size() queries are from the truth. A neighbour is right
+/// where it is no farther, in float64, than the true k-th, but for float's rounding.
+/// @param photons  of the scene, all
+/// @param queries  [3m] as they were asked, m >= truth.size()
+/// @param answer   with radii and densities; with neighbours where k > 0, but of fewer photons
+/// @param k        of the gather that was asked for; 0: within a radius
+AnswerError CompareAnswers(const Photons& photons, std::span<const float> queries,
+                           const GatherResult& answer, std::span<const TrueAnswer> truth,
                            std::uint32_t k);
 
 }  // namespace treelight::client

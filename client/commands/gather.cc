@@ -15,6 +15,7 @@
 #include "client/commands/command.h"
 #include "client/commands/map_option.h"
 #include "client/commands/server_option.h"
+#include "client/gather_wire.h"
 #include "client/output_file.h"
 #include "client/photon_map_client.h"
 #include "client/progress.h"
@@ -45,6 +46,8 @@ struct Options {
   std::vector<std::string> outputs = {"count", "radius"};
   std::string kernel = "epanechnikov";
   GatherOptions gather{.k = 50};
+  WireOptions wire{};
+  bool half_answers = false;
 };
 
 // Why calls were answered exactly.
@@ -57,7 +60,7 @@ std::string_view ReasonText(v1::ExactReason reason) {
     case v1::EXACT_REASON_ERROR_TOO_BIG:
       return "since the error would be larger";
     case v1::EXACT_REASON_NO_MEMORY:
-      return "since the server has no memory for merged photons";
+      return "since the server has no memory for another map";
     default:
       return "for a reason that this program does not know";
   }
@@ -69,6 +72,7 @@ struct Summary {
   double seconds = 0;    // spent in calls to the server
   double kernel_us = 0;  // as the server measured it
   ErrorSummary errors{};
+  WireSummary wire{};
   std::vector<v1::MergeReport> merge_reports{};  // of the calls
 };
 
@@ -103,13 +107,15 @@ absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& option
   for (std::size_t first = 0, count = 0; first < points.size(); first += count) {
     count = std::min(call_count, points.size() - first);
     const auto began = std::chrono::steady_clock::now();
-    const auto answer = client.Gather(summary.map, points.Slice(first, count), options.gather);
+    const auto answer =
+        client.Gather(summary.map, points.Slice(first, count), options.gather, options.wire);
     summary.seconds +=
         std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     if (!answer.ok()) return InFile(answer.status(), first);
     summary.map = answer->map;  // the version that answered first answers all
     summary.kernel_us += answer->timings.kernel_us();
     summary.errors.inexact_count += answer->errors.inexact_count;
+    AppendWire(answer->wire, summary.wire);
     summary.merge_reports.push_back(answer->merge_report);
     summary.errors.largest_bound =
         std::max(summary.errors.largest_bound, answer->errors.largest_bound);
@@ -131,6 +137,8 @@ void PrintMerged(const Summary& summary) {
     const std::string choice =
         report.merged_photons() > 0
             ? fmt::format("up to {} photons merged to one", report.merged_photons())
+        : report.thinned_photons() > 0
+            ? fmt::format("one of {} photons", report.thinned_photons())
             : fmt::format("exact, {}", ReasonText(report.exact_reason()));
     auto& [calls, error] = choices[choice];
     ++calls;
@@ -142,7 +150,23 @@ void PrintMerged(const Summary& summary) {
   }
 }
 
+// What travelled, and what that took.
+void PrintWire(const WireSummary& wire, std::size_t query_count) {
+  const auto per_query = [&](std::uint64_t bytes) {
+    return static_cast<double>(bytes) / static_cast<double>(query_count);
+  };
+  fmt::print(stderr, "wire: {:.1f} bytes a query there, {:.1f} back", per_query(wire.request_bytes),
+             per_query(wire.answer_bytes));
+  if (wire.largest_move > 0) fmt::print(stderr, "; queries moved by {:.2g}", wire.largest_move);
+  if (wire.relative_error > 0) {
+    fmt::print(stderr, "; numbers off by {:.2g} of themselves, {} too small for that",
+               wire.relative_error, wire.small_count);
+  }
+  fmt::print(stderr, "\n");
+}
+
 absl::Status Run(Options options, const GlobalOptions& global) {
+  if (options.half_answers) options.wire.answer_floats = v1::FLOAT_FORMAT_HALF;
   options.gather.outputs = 0;
   for (const std::string& output : options.outputs)
     options.gather.outputs |= kOutputNames.at(output);
@@ -171,6 +195,9 @@ absl::Status Run(Options options, const GlobalOptions& global) {
                errors.largest_bound);
   }
   if (options.gather.approximation.merges()) PrintMerged(*summary);
+  if (options.wire.quantize_queries || options.half_answers) {
+    PrintWire(summary->wire, points->size());
+  }
   return absl::OkStatus();
 }
 
@@ -228,11 +255,21 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
       ->capture_default_str()
       ->check(CLI::Range(0u, kMaxMergedPhotons));
   command
+      ->add_option("--thinned-photons", options->gather.approximation.thinned_photons,
+                   "The same from a random subset, one photon of so many; 0: all")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, kMaxMergedPhotons));
+  command
       ->add_option("--max-relative-error", options->gather.approximation.max_relative_error,
                    "Densities as merged photons give them within this error, root mean square "
                    "relative to the exact ones, by a sample; 0: exact")
       ->capture_default_str()
       ->check(NumberIn(0, 1));
+  command->add_flag("--quantize-queries", options->wire.quantize_queries,
+                    "Sends points as 16-bit offsets in their box, normals as two 16-bit numbers");
+  command->add_flag(
+      "--half-answers", options->half_answers,
+      "Radii, distances and densities come as half floats, off by 2^-11 of themselves");
   command->add_option("--output", options->output_path, "CSV file for the answers; - is stdout")
       ->capture_default_str();
   command->callback(
