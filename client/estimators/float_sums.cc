@@ -16,17 +16,19 @@ namespace {
 constexpr std::size_t kChunk = 1 << 16;
 constexpr std::size_t kBlock = 128;
 
-class PlainSum : public FloatSum {
+/// One running sum of type T.
+template <typename T>
+class RunningSum : public FloatSum {
  public:
   void Add(std::span<const float> addends) override {
-    float sum = sum_;
+    T sum = sum_;
     for (const float addend : addends) sum += addend;
     sum_ = sum;
   }
   double Total() const override { return sum_; }
 
  private:
-  float sum_ = 0;
+  T sum_ = 0;
 };
 
 class LaneSum : public FloatSum {
@@ -94,19 +96,6 @@ class CompensatedSum : public FloatSum {
 
  private:
   float sum_ = 0, error_ = 0;
-};
-
-class DoubleSum : public FloatSum {
- public:
-  void Add(std::span<const float> addends) override {
-    double sum = sum_;
-    for (const float addend : addends) sum += addend;
-    sum_ = sum;
-  }
-  double Total() const override { return sum_; }
-
- private:
-  double sum_ = 0;
 };
 
 /// Numbers of photon `index` that depend on nothing else (Steele, Lea and Flood 2014, SplitMix64).
@@ -205,11 +194,11 @@ std::vector<std::string> FloatSumNames() {
 }
 
 std::unique_ptr<FloatSum> MakeFloatSum(const std::string& name) {
-  if (name == "float") return std::make_unique<PlainSum>();
+  if (name == "float") return std::make_unique<RunningSum<float>>();
   if (name == "lanes_32") return std::make_unique<LaneSum>();
   if (name == "pairwise") return std::make_unique<PairwiseSum>();
   if (name == "compensated") return std::make_unique<CompensatedSum>();
-  return std::make_unique<DoubleSum>();
+  return std::make_unique<RunningSum<double>>();
 }
 
 void MakeAddends(std::uint64_t first, std::uint64_t seed, std::span<float> addends) {
