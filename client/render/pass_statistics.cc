@@ -23,7 +23,8 @@ PassStatistics::PassStatistics(int width, int height)
 void PassStatistics::Add(const Image& pass, double squared_scale, const Image* difference) {
   assert(pass.width == width_ && pass.height == height_ && squared_scale > 0);
   ++passes_;
-  squared_scales_ += squared_scale;
+  const double radius = std::sqrt(squared_scale);
+  radii_ += radius;
   const auto count = static_cast<double>(passes_);
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const Channels value = ChannelsOf(pass.pixels[i]);
@@ -40,7 +41,7 @@ void PassStatistics::Add(const Image& pass, double squared_scale, const Image* d
     const Channels value = ChannelsOf(difference->pixels[i]);
     for (int c = 0; c < 3; ++c) half.sums[i][c] += value[c];
   }
-  half.squared_scales += squared_scale;
+  half.radii += radius;
   ++half.passes;
 }
 
@@ -71,10 +72,10 @@ ErrorEstimate PassStatistics::Estimate() const {
 }
 
 double PassStatistics::SquaredBias() const {
-  // B of a half is -4/3 sum / squared_scales.
-  const double mean_scale = squared_scales_ / static_cast<double>(passes_);
+  // The sums of both halves to means of passes of which all had a difference.
+  const double mean_radius = radii_ / static_cast<double>(passes_);
   const double to_bias =
-      std::pow(4.0 / 3 * mean_scale, 2) / halves_[0].squared_scales / halves_[1].squared_scales;
+      mean_radius * mean_radius / halves_[0].radii / halves_[1].radii / kDifferenceShare;
   const int columns = (width_ + static_cast<int>(RadiusProbe::kStride) - 1) / RadiusProbe::kStride;
   double sum = 0;
   for (std::size_t i = 0; i < halves_[0].sums.size(); ++i) {

@@ -6,7 +6,8 @@
 namespace treelight::client {
 
 void ShrinkingRadius::Advance() {
-  const auto i = static_cast<double>(pass_++);
+  const auto i = static_cast<double>(pass_);
+  if (pass_++ < constant_passes_) return;
   squared_scale_ *= (i + kRadiusAlpha) / (i + 1);
 }
 

@@ -17,15 +17,20 @@ inline constexpr double kRadiusAlpha = 2.0 / 3;
 /// The squared radius of each pass relative to that of the first, by the recurrence of Knaus and
 /// Zwicker 2011, "Progressive Photon Mapping: A Probabilistic Approach", equation 15:
 ///   s_1 = 1, s_(i+1) = s_i (i + alpha) / (i + 1)
-/// It needs no memory of what earlier passes found: each pass is a picture of its own.
+/// from the last of `constant_passes` on. It needs no memory of what earlier passes found: each
+/// pass is a picture of its own.
 class ShrinkingRadius {
  public:
+  /// `constant_passes`, > 0, have the radius of the first.
+  explicit ShrinkingRadius(std::uint64_t constant_passes = 1) : constant_passes_(constant_passes) {}
+
   double squared_scale() const { return squared_scale_; }  ///< s_i, (0, 1]
 
   /// On to the next pass.
   void Advance();
 
  private:
+  std::uint64_t constant_passes_;
   std::uint64_t pass_ = 1;
   double squared_scale_ = 1;
 };
