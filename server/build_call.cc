@@ -48,7 +48,9 @@ void BuildCall::Take() {
 }
 
 void BuildCall::Continue() {
-  needs_photons_ = !job_.AnsweredByAnEarlierCall();
+  const auto answered = job_.AnsweredByAnEarlierCall();
+  if (!answered.ok()) return End(answered.status());
+  needs_photons_ = !*answered;
   if (!needs_photons_) upload_.reset();
   Read();
 }
@@ -76,6 +78,7 @@ absl::Status BuildCall::TakeHeader(const v1::BuildHeader& header) {
   const Limits& limits = state_.options.limits;
   const auto plan = ParseBuildHeader(header, limits);
   if (!plan.ok()) return plan.status();
+  job_.Identify(header.request_id(), header);
   if (auto status = job_.Admit(*plan, UploadBytes(*plan, limits),
                                fmt::format("header.photon_count is {}", plan->photon_count));
       !status.ok()) {

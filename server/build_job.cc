@@ -22,6 +22,12 @@ BuildJob::BuildJob(State& state, grpc::CallbackServerContext& context, std::stri
   record_.device = state.device_name();
 }
 
+void BuildJob::Identify(const std::string& request_id, const google::protobuf::Message& request) {
+  if (request_id.empty()) return;
+  request_id_ = request_id;
+  request_ = KeepRequest(request);
+}
+
 absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
                              std::string_view what) {
   plan_ = plan;
@@ -58,9 +64,19 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
   return absl::OkStatus();
 }
 
-bool BuildJob::AnsweredByAnEarlierCall() {
-  if (known_ == nullptr) known_ = state_.store.FindRequest(plan_.request_id);
-  return known_ != nullptr;
+absl::StatusOr<bool> BuildJob::AnsweredByAnEarlierCall() {
+  if (known_ == nullptr) known_ = state_.store.FindRequest(request_id_);
+  if (known_ == nullptr) return false;
+  record_.request_id = request_id_;
+  if (auto status = CheckRepeat(*known_, request_); !status.ok()) return status;
+  return true;
+}
+
+/// Answers with the map of an earlier call, where there is one.
+absl::StatusOr<bool> BuildJob::AnswerAsBefore() {
+  const auto answered = AnsweredByAnEarlierCall();
+  if (answered.ok() && *answered) Answer(known_);
+  return answered;
 }
 
 DeviceAsk BuildJob::Ask() const {
@@ -70,9 +86,8 @@ DeviceAsk BuildJob::Ask() const {
 }
 
 void BuildJob::Submit(PhotonSource photons, std::function<void(const absl::Status&)> done) {
-  if (AnsweredByAnEarlierCall()) {
-    Answer(known_);
-    return done(absl::OkStatus());
+  if (const auto answered = AnswerAsBefore(); !answered.ok() || *answered) {
+    return done(answered.status());
   }
   // The queue copies its jobs, photons are moved.
   const auto source = std::make_shared<PhotonSource>(std::move(photons));
@@ -94,9 +109,8 @@ void BuildJob::Submit(PhotonSource photons, std::function<void(const absl::Statu
 absl::Status BuildJob::Build(const PhotonSource& photons) {
   // The first call with this id may have been built while this one waited: one device, one build at
   // a time.
-  if (AnsweredByAnEarlierCall()) {
-    Answer(known_);
-    return absl::OkStatus();
+  if (const auto answered = AnswerAsBefore(); !answered.ok() || *answered) {
+    return answered.status();
   }
   auto gatherer = BuildMap(photons);
   if (!gatherer.ok()) return call_.Explain(gatherer.status());
@@ -104,8 +118,9 @@ absl::Status BuildJob::Build(const PhotonSource& photons) {
     return status;  // a call that fails changes nothing
   StoredMap map{.name = plan_.name,
                 .version = 0,
-                .request_id = plan_.request_id,
+                .request_id = request_id_,
                 .options = plan_.options,
+                .request = request_,
                 .choice = std::move(choice_),
                 .gatherer = *std::move(gatherer),
                 .created = std::chrono::system_clock::now(),
@@ -131,9 +146,8 @@ void BuildJob::Keep(const std::function<void(const absl::Status&)>& done) {
 
 absl::Status BuildJob::Write() {
   // The first call with this id may have been written while this one was built.
-  if (AnsweredByAnEarlierCall()) {
-    Answer(known_);
-    return absl::OkStatus();
+  if (const auto answered = AnswerAsBefore(); !answered.ok() || *answered) {
+    return answered.status();
   }
   if (auto status = call_.Alive(); !status.ok()) return status;
   const auto kept = KeepMap(state_, *std::exchange(built_, std::nullopt), photons_);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "core/model/photons.h"
@@ -30,13 +31,17 @@ class BuildJob {
   const BuildPlan& plan() const { return plan_; }
   double microseconds() const { return watch_.microseconds(); }  ///< since the call opened
 
+  /// What the call asks for, by which its repeats are known; before all that follows.
+  void Identify(const std::string& request_id, const google::protobuf::Message& request);
+
   /// Takes what the build of `plan` will need, before any photon is here: room on the device, a
   /// slot, and host memory, `photon_bytes` of it for the photons. `what` begins the refusals,
   /// "header.photon_count is 5". RESOURCE_EXHAUSTED.
   absl::Status Admit(const BuildPlan& plan, std::uint64_t photon_bytes, std::string_view what);
 
-  /// Whether an earlier call with the request id of the plan has built: then its map is the answer.
-  bool AnsweredByAnEarlierCall();
+  /// Whether an earlier call with this request id has built: then its map is the answer.
+  /// INVALID_ARGUMENT: that call asked for something else.
+  absl::StatusOr<bool> AnsweredByAnEarlierCall();
 
   /// Waits for the device, builds, stores and answers, or answers with what an earlier call has
   /// built. Then, on any thread, `done` is called once; it must End().
@@ -54,6 +59,7 @@ class BuildJob {
   void Keep(const std::function<void(const absl::Status&)>& done);
   absl::Status Write();
   void Answer(const MapHandle& map);
+  absl::StatusOr<bool> AnswerAsBefore();
   void Release(std::shared_ptr<void> rest);
 
   State& state_;
@@ -61,6 +67,8 @@ class BuildJob {
   Call call_;
   const Stopwatch watch_;
   RequestRecord record_;
+  std::string request_id_;  // or empty, as is the request then
+  BuildRequest request_;
   BuildPlan plan_;
   std::string choice_;     // why the options were chosen, where they were
   MapHandle known_;        // what an earlier call with the same request id has built

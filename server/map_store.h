@@ -18,6 +18,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/builder.h"
+#include "server/build_request.h"
 #include "server/memory_budget.h"
 #include "server/merged_maps.h"
 #include "server/reloadable_map.h"
@@ -32,7 +33,8 @@ struct StoredMap {
   std::uint64_t version = 0;  ///< 0: the store gives one
   std::string request_id;     ///< of the call that built it, or empty
   BuildOptions options;
-  std::string choice{};  ///< BuildChoice::reason, where the options were chosen here
+  BuildRequest request{};  ///< that has `request_id`; empty without one, or where it is not known
+  std::string choice{};    ///< BuildChoice::reason, where the options were chosen here
   std::unique_ptr<const Gatherer> gatherer;
   /// `gatherer` itself, where it can leave the device and come back; else null.
   const ReloadableMap* reloadable = nullptr;

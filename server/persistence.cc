@@ -65,6 +65,7 @@ StoredMap FromHead(State& state, const SnapshotHead& head) {
                 .version = wire.version(),
                 .request_id = head.request_id,
                 .options = head.options,
+                .request = head.request,
                 .gatherer = nullptr,
                 .created = FromUnixMs(wire.created_unix_ms()),
                 .expires = {},
@@ -155,8 +156,12 @@ absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& ph
     wire.set_version(map.version);
     const FolderMirror::Transit transit(
         *state.mirror, [&] { return std::vector{SnapshotName(map.name, map.version)}; });
-    const auto written = state.snapshots->Write(wire, map.request_id, photons, approve);
-    if (known != nullptr) return known;
+    const auto written =
+        state.snapshots->Write(wire, map.request_id, map.request, photons, approve);
+    if (known != nullptr) {
+      if (auto status = CheckRepeat(*known, map.request); !status.ok()) return status;
+      return known;
+    }
     if (absl::IsAlreadyExists(written.status())) continue;
     if (!written.ok()) return written.status();
     map.checksum = *written;

@@ -25,7 +25,7 @@ absl::Status LoadSnapshots(State& state);
 
 /// Writes `map`, just built from `photons`, to the folder and then adds it to the store, on the
 /// thread of the disk; where another server has built for its request id before, that map. The
-/// errors of SnapshotFolder::Write: then there is no such map.
+/// errors of SnapshotFolder::Write and, of that map, CheckRepeat: then there is no such map.
 absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& photons);
 
 /// Takes versions out of store and folder, as MapStore::Remove; on the thread of the disk where

@@ -25,13 +25,17 @@ void RebuildCall::Begin(const v1::RebuildPhotonMapRequest& request) {
               [this](const absl::Status& status) { End(status); });
 }
 
-/// The map whose photons are taken, with room for another one.
+/// The map whose photons are taken, with room for another one; null where none is needed.
 absl::StatusOr<MapHandle> RebuildCall::Prepare(const v1::RebuildPhotonMapRequest& request) {
   RequestRecord& record = job_.record();
   record.options = request.options();
   record.map = request.new_name().empty() ? request.name() : request.new_name();
   if (auto status = CheckName("name", request.name()); !status.ok()) return status;
   if (auto status = job_.call().CheckRoute(record.map); !status.ok()) return status;
+  job_.Identify(request.request_id(), request);
+  const auto answered = job_.AnsweredByAnEarlierCall();  // also where the source has gone since
+  if (!answered.ok()) return answered.status();
+  if (*answered) return MapHandle();
   auto source = state_.store.Find(request.name(), request.version());
   if (!source.ok()) return source.status();
   record.source = fmt::format("{}@{}", (*source)->name, (*source)->version);

@@ -21,13 +21,13 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 constexpr std::string_view kMagic{"TLMAP\r\n\x1a", 8};
-constexpr std::uint32_t kMaxDescriptionBytes = 1 << 20;
+constexpr std::uint32_t kMaxDescriptionBytes = 1 << 20, kMaxRequestBytes = 4096;
 constexpr std::uint64_t kBlockBytes = 1 << 20;
 
 /// The first bytes of a file.
 struct Prefix {
   std::array<char, 8> magic{};
-  std::uint32_t version = 0, description_bytes = 0, request_id_bytes = 0, zero = 0;
+  std::uint32_t version = 0, description_bytes = 0, request_id_bytes = 0, request_bytes = 0;
   std::uint64_t checksum = 0;
 };
 static_assert(sizeof(Prefix) == 32);
@@ -37,10 +37,9 @@ std::string_view View(const Prefix& prefix) {
   return {reinterpret_cast<const char*>(&prefix), sizeof(prefix)};
 }
 
-std::uint64_t Sum(std::string_view prefix, std::string_view description,
-                  std::string_view request_id) {
-  std::string bytes(prefix.substr(0, kSummedPrefix));
-  bytes.append(description).append(request_id);
+std::uint64_t Sum(const Prefix& prefix, std::string_view texts) {
+  std::string bytes(View(prefix).substr(0, kSummedPrefix));
+  bytes.append(texts);
   return XXH3_64bits(bytes.data(), bytes.size());
 }
 
@@ -116,23 +115,26 @@ absl::Status CheckDescription(const v1::PhotonMap& map, const std::string& reque
 }  // namespace
 
 std::uint64_t SnapshotBytes(std::uint64_t photon_count, bool has_powers, bool has_directions) {
-  return sizeof(Prefix) + kMaxDescriptionBytes + kMaxNameLength +
+  return sizeof(Prefix) + kMaxDescriptionBytes + kMaxNameLength + kMaxRequestBytes +
          BodyBytes(ArrayBytes(photon_count, has_powers, has_directions));
 }
 
 absl::Status WriteSnapshot(const v1::PhotonMap& map, const std::string& request_id,
-                           const Photons& photons, const WriteBytes& write) {
+                           const BuildRequest& request, const Photons& photons,
+                           const WriteBytes& write) {
   v1::PhotonMap described = map;
   described.clear_device();
   described.clear_device_bytes();
   const std::string description = described.SerializeAsString();
+  const std::string request_text = request.SerializeAsString();
   Prefix prefix{.version = kSnapshotVersion,
                 .description_bytes = static_cast<std::uint32_t>(description.size()),
-                .request_id_bytes = static_cast<std::uint32_t>(request_id.size())};
+                .request_id_bytes = static_cast<std::uint32_t>(request_id.size()),
+                .request_bytes = static_cast<std::uint32_t>(request_text.size())};
   std::ranges::copy(kMagic, prefix.magic.begin());
-  prefix.checksum = Sum(View(prefix), description, request_id);
-  for (const std::string_view bytes :
-       {View(prefix), std::string_view(description), std::string_view(request_id)}) {
+  const std::string texts = description + request_id + request_text;
+  prefix.checksum = Sum(prefix, texts);
+  for (const std::string_view bytes : {View(prefix), std::string_view(texts)}) {
     if (auto status = write(bytes); !status.ok()) return status;
   }
   std::uint64_t block_number = 0;
@@ -167,22 +169,28 @@ absl::StatusOr<SnapshotHead> ReadSnapshotHead(const SnapshotBytesSource& source)
   }
   // Before anything is allocated.
   const std::uint64_t text_bytes =
-      std::uint64_t{prefix.description_bytes} + prefix.request_id_bytes;
-  if (prefix.version == 0 || Broken("format_version") || prefix.zero != 0 ||
+      std::uint64_t{prefix.description_bytes} + prefix.request_id_bytes + prefix.request_bytes;
+  const std::uint32_t max_request_bytes = prefix.version == 1 ? 0 : kMaxRequestBytes;
+  if (prefix.version == 0 || Broken("format_version") || prefix.request_bytes > max_request_bytes ||
       prefix.description_bytes > kMaxDescriptionBytes || prefix.request_id_bytes > kMaxNameLength ||
       text_bytes > source.size - sizeof(prefix)) {
     return absl::DataLossError("its head is damaged");
   }
   std::string text(text_bytes, '\0');
   if (auto status = source.read(sizeof(prefix), text); !status.ok()) return status;
-  SnapshotHead head;
-  head.request_id = text.substr(prefix.description_bytes);
-  text.resize(prefix.description_bytes);
-  head.checksum = prefix.checksum;
-  if (Sum(View(prefix), text, head.request_id) != prefix.checksum) {
+  if (Sum(prefix, text) != prefix.checksum) {
     return absl::DataLossError("the checksum of its head is wrong");
   }
+  SnapshotHead head;
+  head.checksum = prefix.checksum;
+  const std::string request = text.substr(text.size() - prefix.request_bytes);
+  head.request_id = text.substr(prefix.description_bytes, prefix.request_id_bytes);
+  text.resize(prefix.description_bytes);
   // A right checksum does not make it one of ours.
+  if (prefix.request_bytes > 0 &&
+      (!head.request.ParseFromString(request) || !IsBuildRequest(head.request))) {
+    return absl::DataLossError("its request is none of a build");
+  }
   if (!head.map.ParseFromString(text)) return absl::DataLossError("its description is no message");
   if (auto status = CheckDescription(head.map, head.request_id); !status.ok()) {
     return absl::DataLossError(fmt::format("its description: {}", std::string(status.message())));

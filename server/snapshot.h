@@ -17,12 +17,14 @@
 // GetPhotonMap tells of it. Numbers are little-endian.
 //
 //   offset 0   8 B   "TLMAP\r\n" and 0x1a: notices transfers that change line ends
-//          8   u32   format version, 1
+//          8   u32   format version, 2
 //         12   u32   bytes of the description, at most 1 MiB
 //         16   u32   bytes of the request id, at most 128
-//         20   u32   0
-//         24   u64   XXH3 of the 24 bytes before, the description and the request id, in this order
-//         32         description: v1.PhotonMap of photon_map.proto; then the request id
+//         20   u32   bytes of the request, at most 4096; format 1: 0
+//         24   u64   XXH3 of the 24 bytes before and of what follows up to the arrays
+//         32         description: v1.PhotonMap of photon_map.proto; then the request id; then the
+//                    request that it came with, which no other may use it for: google.protobuf.Any
+//                    of a v1.BuildHeader or a v1.RebuildPhotonMapRequest, nothing without an id
 //   then the arrays, positions, powers, directions, those that the description says, as in
 //   PhotonChunk, each cut into blocks of 1 MiB, the last of an array shorter:
 //              u64   XXH3 of the block, its seed the checksum at 24 plus the number of the block in
@@ -34,12 +36,13 @@
 namespace treelight::server {
 
 /// Format version that is written. Older ones are read, newer ones are not.
-inline constexpr std::uint32_t kSnapshotVersion = 1;
+inline constexpr std::uint32_t kSnapshotVersion = 2;
 
 /// What the head of a snapshot says.
 struct SnapshotHead {
   v1::PhotonMap map;       ///< without `device` and `device_bytes`
   std::string request_id;  ///< or empty
+  BuildRequest request;    ///< empty: not known, or no id
   BuildOptions options;    ///< of `map`, checked
   std::uint64_t checksum = 0;
   std::uint64_t file_bytes = 0;  ///< of the whole file
@@ -48,7 +51,8 @@ struct SnapshotHead {
 /// Bytes of a snapshot, in order: `write` gets them in pieces. Returns the first error of `write`.
 using WriteBytes = std::function<absl::Status(std::string_view bytes)>;
 absl::Status WriteSnapshot(const v1::PhotonMap& map, const std::string& request_id,
-                           const Photons& photons, const WriteBytes& write);
+                           const BuildRequest& request, const Photons& photons,
+                           const WriteBytes& write);
 
 /// Bytes that WriteSnapshot writes at most for `photon_count` photons.
 std::uint64_t SnapshotBytes(std::uint64_t photon_count, bool has_powers, bool has_directions);

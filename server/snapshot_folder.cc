@@ -294,6 +294,7 @@ absl::StatusOr<std::string> SnapshotFolder::SetAside(const std::string& file) co
 
 absl::StatusOr<std::uint64_t> SnapshotFolder::Write(const v1::PhotonMap& map,
                                                     const std::string& request_id,
+                                                    const BuildRequest& request,
                                                     const Photons& photons,
                                                     const Approve& approve) const {
   const std::string name = SnapshotName(map.name(), map.version());
@@ -310,9 +311,9 @@ absl::StatusOr<std::uint64_t> SnapshotFolder::Write(const v1::PhotonMap& map,
   Aside file(handle_, path_, name);
   if (file.handle() < 0) return failed(file.error());
   int error = 0;
-  const auto written = WriteSnapshot(map, request_id, photons, [&](std::string_view bytes) {
-    return WriteAll(file.handle(), bytes, error);
-  });
+  const auto written =
+      WriteSnapshot(map, request_id, request, photons,
+                    [&](std::string_view bytes) { return WriteAll(file.handle(), bytes, error); });
   if (!written.ok()) return failed(error);
   if (fsync(file.handle()) != 0) return failed(errno);
   struct stat status {};

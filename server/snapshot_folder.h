@@ -83,7 +83,8 @@ class SnapshotFolder {
   /// the disk is full. UNAVAILABLE: another server stands still with the lock. INTERNAL: the disk
   /// fails. After an error there is no file of it.
   absl::StatusOr<std::uint64_t> Write(const v1::PhotonMap& map, const std::string& request_id,
-                                      const Photons& photons, const Approve& approve) const;
+                                      const BuildRequest& request, const Photons& photons,
+                                      const Approve& approve) const;
 
   /// Whether the disk has room for `bytes` more at present. RESOURCE_EXHAUSTED with Quota::kDisk.
   absl::Status CheckRoom(std::uint64_t bytes, std::string_view what) const;

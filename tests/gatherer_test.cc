@@ -8,7 +8,7 @@
 #include "core/builder.h"
 #include "gtest/gtest.h"
 #include "tests/answers.h"
-#include "tests/test_device.h"
+#include "tests/map_pair.h"
 
 namespace treelight {
 namespace {
@@ -16,21 +16,8 @@ namespace {
 constexpr std::uint32_t kExact = kOutputCount | kOutputRadius | kOutputNeighbors;
 constexpr float kUnlimited = std::numeric_limits<float>::infinity();
 
-/// The same photons twice: on the test device, and by brute force.
-struct Pair {
-  std::unique_ptr<Gatherer> device, brute_force;
-};
-
-Pair BuildPair(const Photons& photons, const BuildOptions& options = {}) {
-  auto device = TestBuilder().Build(photons, options);
-  auto brute_force = MakeBruteForceBuilder()->Build(photons, {});
-  EXPECT_TRUE(device.ok()) << device.status();
-  EXPECT_TRUE(brute_force.ok()) << brute_force.status();
-  return {*std::move(device), *std::move(brute_force)};
-}
-
 /// Both answers, which must hold the same bits but for densities. Returns the device's.
-GatherResult ExpectSameAnswers(const Pair& pair, const GatherQueries& queries,
+GatherResult ExpectSameAnswers(const MapPair& pair, const GatherQueries& queries,
                                const GatherOptions& options) {
   const auto actual = pair.device->Gather(queries, options);
   const auto expected = pair.brute_force->Gather(queries, options);
@@ -47,7 +34,7 @@ TEST_P(EveryCloud, AnswersAreBitEqualToBruteForce) {
     const Photons photons = MakeCloud(CloudNamed(GetParam()), size, /*seed=*/7);
     for (const BuildOptions& options :
          {BuildOptions{}, BuildOptions{BuilderKind::kLbvh, MortonBits::k63, 5}}) {
-      const Pair pair = BuildPair(photons, options);
+      const MapPair pair = BuildPair(photons, options);
       const auto positions = MakeQueries(photons, 97, /*seed=*/8);
       const GatherQueries queries{positions, {}, {}};
       const float radius = MedianRadius(*pair.brute_force, queries, 10);
@@ -87,7 +74,7 @@ void ExpectCloseDensities(const GatherResult& actual, const GatherResult& expect
 
 TEST_P(EveryCloud, DensitiesAreWithinTheStatedBound) {
   const Photons photons = MakeCloud(CloudNamed(GetParam()), 20011, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
+  const MapPair pair = BuildPair(photons);
   const auto positions = MakeQueries(photons, 97, /*seed=*/8);
   const auto normals = MakeQueries(photons, 97, /*seed=*/9);
   const GatherQueries plain{positions, {}, {}}, with_normals{positions, normals, {}};
@@ -130,7 +117,7 @@ TEST(GathererTest, PhotonsComeBackInTheOrderOfUpload) {
 TEST(GathererTest, ManyQueriesInOneBatch) {
   // Sorted on the device, and more than one launch.
   const Photons photons = MakeCloud(CloudNamed("surfaces"), 3001, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
+  const MapPair pair = BuildPair(photons);
   const auto positions = MakeQueries(photons, 40009, /*seed=*/8);
   ExpectSameAnswers(pair, {positions, {}, {}}, {.k = 5, .outputs = kExact});
   ExpectSameAnswers(pair, {positions, {}, {}}, {.k = 0, .radius = 0.01f, .outputs = kExact});
@@ -138,7 +125,7 @@ TEST(GathererTest, ManyQueriesInOneBatch) {
 
 TEST(GathererTest, LargeKUsesHeapsInGlobalMemory) {
   const Photons photons = MakeCloud(CloudNamed("surfaces"), 20011, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
+  const MapPair pair = BuildPair(photons);
   const auto positions = MakeQueries(photons, 61, /*seed=*/8);
   for (const std::uint32_t k : {100u, 513u, 1000u, kMaxNeighbors}) {
     ExpectSameAnswers(pair, {positions, {}, {}}, {.k = k, .outputs = kExact});
@@ -147,7 +134,7 @@ TEST(GathererTest, LargeKUsesHeapsInGlobalMemory) {
 
 TEST(GathererTest, ARadiusForEachQuery) {
   const Photons photons = MakeCloud(CloudNamed("uniform"), 20011, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
+  const MapPair pair = BuildPair(photons);
   const auto positions = MakeQueries(photons, 97, /*seed=*/8);
   std::vector<float> radii;
   for (int i = 0; i < 97; ++i) radii.push_back(0.002f * static_cast<float>(i));
@@ -191,7 +178,7 @@ TEST(GathererTest, AFreshBatchIsBitEqualToBruteForce) {
   for (const CloudShape& shape : AllClouds()) {
     SCOPED_TRACE(shape.name);
     const Photons photons = MakeCloud(shape, 500 + seed % 3000, seed);
-    const Pair pair = BuildPair(photons);
+    const MapPair pair = BuildPair(photons);
     const auto positions = MakeQueries(photons, 50, seed + 1);
     ExpectSameAnswers(pair, {positions, {}, {}}, {.k = 1 + seed % 60, .outputs = kExact});
   }
@@ -223,7 +210,7 @@ TEST(GathererTest, WholeSubtreesAreCounted) {
 
 TEST(GathererTest, DensityOfAnEndlessOrEmptyDiscIsZero) {
   const Photons photons = MakeCloud(CloudNamed("all_equal"), 10, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
+  const MapPair pair = BuildPair(photons);
   const std::vector<float> positions = {photons.positions[0], photons.positions[1],
                                         photons.positions[2]};
   for (const Gatherer* map : {pair.device.get(), pair.brute_force.get()}) {
@@ -238,185 +225,15 @@ TEST(GathererTest, DensityOfAnEndlessOrEmptyDiscIsZero) {
   }
 }
 
-struct BadGather {
-  const char* name;
-  std::vector<float> positions, normals, radii;
-  GatherOptions options;
-  const char* message;
-};
-
-class BadGatherTest : public testing::TestWithParam<BadGather> {};
-
-TEST_P(BadGatherTest, IsRefusedByName) {
-  Photons photons = MakeCloud(CloudNamed("uniform"), 100, /*seed=*/7);
-  photons.directions.clear();
-  if (std::string(GetParam().name) == "NoPowers") photons.powers.clear();
-  const Pair pair = BuildPair(photons);
-  for (const Gatherer* map : {pair.device.get(), pair.brute_force.get()}) {
-    const auto answer = map->Gather({GetParam().positions, GetParam().normals, GetParam().radii},
-                                    GetParam().options);
-    EXPECT_EQ(answer.status().code(), absl::StatusCode::kInvalidArgument);
-    EXPECT_EQ(answer.status().message(), GetParam().message);
-  }
-}
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-INSTANTIATE_TEST_SUITE_P(
-    Cases, BadGatherTest,
-    testing::Values(
-        BadGather{"BothUnlimited",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 0},
-                  "k is 0 and radius is unlimited: give k > 0 or a finite radius"},
-        BadGather{"RadiiUnlimited",
-                  {1, 2, 3},
-                  {},
-                  {kUnlimited},
-                  {.k = 0, .radius = 1},
-                  "k is 0 and radii[0] is unlimited: give k > 0 or a finite radius"},
-        BadGather{"NegativeRadius",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .radius = -1},
-                  "radius is -1, it must be >= 0"},
-        BadGather{"NanRadius",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .radius = kNan},
-                  "radius is nan, it must be >= 0"},
-        BadGather{"NanRadii",
-                  {1, 2, 3, 4, 5, 6},
-                  {},
-                  {1, kNan},
-                  {.k = 1},
-                  "radii[1] is nan, it must be >= 0"},
-        BadGather{
-            "FewRadii", {1, 2, 3, 4, 5, 6}, {}, {1}, {.k = 1}, "radii: 1 numbers for 2 queries"},
-        BadGather{"LargeK", {1, 2, 3}, {}, {}, {.k = 4097}, "k is 4097, at most 4096 is possible"},
-        BadGather{"NoOutputs",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .outputs = 0},
-                  "outputs is 0, it must be a sum of known outputs and not 0"},
-        BadGather{"UnknownOutput",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .outputs = 64},
-                  "outputs is 64, it must be a sum of known outputs and not 0"},
-        BadGather{"NanQuery",
-                  {1, 2, 3, 4, kNan, 6},
-                  {},
-                  {},
-                  {.k = 1},
-                  "positions[4] of query 1 is nan, it must be finite and within 1e+18"},
-        BadGather{
-            "OddLength", {1, 2}, {}, {}, {.k = 1}, "positions: 2 numbers are no multiple of 3"},
-        BadGather{"NoPowers",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .outputs = kOutputDensity},
-                  "outputs: DENSITY needs powers; the map has none"},
-        BadGather{"NoDirections",
-                  {1, 2, 3},
-                  {0, 0, 1},
-                  {},
-                  {.k = 1, .outputs = kOutputDensity},
-                  "normals: the map has no directions; build it with directions or leave them out"},
-        BadGather{
-            "FewNormals", {1, 2, 3}, {0, 0}, {}, {.k = 1}, "normals: 2 numbers for 1 queries"},
-        BadGather{"UnknownKernel",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .kernel = DensityKernel{3}},
-                  "kernel is 3, no such kernel"},
-        BadGather{"NegativeEpsilon",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .approximation = {.epsilon = -0.5f}},
-                  "approximation.epsilon is -0.5, it must be finite and >= 0"},
-        BadGather{"NanEpsilon",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .approximation = {.epsilon = kNan}},
-                  "approximation.epsilon is nan, it must be finite and >= 0"},
-        BadGather{"EndlessEpsilon",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .approximation = {.epsilon = kUnlimited}},
-                  "approximation.epsilon is inf, it must be finite and >= 0"},
-        BadGather{"EpsilonWithoutK",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 0, .radius = 1, .approximation = {.epsilon = 0.5f}},
-                  "approximation.epsilon is 0.5, but k is 0: it is for the k nearest, give k > 0"},
-        BadGather{"LeavesWithoutK",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 0, .radius = 1, .approximation = {.max_leaves = 7}},
-                  "approximation.max_leaves is 7, but k is 0: it is for the k nearest, give k > 0"},
-        BadGather{"BoundsOfExact",
-                  {1, 2, 3},
-                  {},
-                  {},
-                  {.k = 1, .outputs = kOutputErrorBound},
-                  "outputs: ERROR_BOUND is for approximate answers; set a field of approximation"}),
-    [](const auto& test) { return test.param.name; });
-
 TEST(GathererTest, ACancelledGatherStops) {
   const Photons photons = MakeCloud(CloudNamed("uniform"), 1000, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
+  const MapPair pair = BuildPair(photons);
   const auto positions = MakeQueries(photons, 100, /*seed=*/8);
   for (const GatherOptions& options : {GatherOptions{.k = 5}, GatherOptions{.k = 0, .radius = 1},
                                        GatherOptions{.k = 0, .radius = 1, .outputs = 4}}) {
     const auto answer = pair.device->Gather({positions, {}, {}}, options, [] { return true; });
     EXPECT_EQ(answer.status().code(), absl::StatusCode::kCancelled);
   }
-}
-
-TEST(GathererTest, ListsOverTheLimitAreRefused) {
-  const Photons photons = MakeCloud(CloudNamed("uniform"), 100, /*seed=*/7);
-  const Pair pair = BuildPair(photons);
-  const std::vector<float> positions(3 * 10, 0.5f);
-  for (const Gatherer* map : {pair.device.get(), pair.brute_force.get()}) {
-    for (const GatherOptions& options :
-         {GatherOptions{.k = 0, .radius = 5, .outputs = kOutputNeighbors, .max_neighbors = 999},
-          GatherOptions{.k = 100, .outputs = kOutputNeighbors, .max_neighbors = 999}}) {
-      const auto answer = map->Gather({positions, {}, {}}, options);
-      EXPECT_EQ(answer.status().code(), absl::StatusCode::kResourceExhausted);
-      EXPECT_EQ(answer.status().message(),
-                "the answer of the batch holds 1000 neighbours, the limit is 999 (max_neighbors); "
-                "send fewer queries in a batch, or a smaller k or radius");
-    }
-    EXPECT_TRUE(
-        map->Gather({positions, {}, {}}, {.k = 0, .radius = 5, .outputs = 4, .max_neighbors = 1000})
-            .ok());
-  }
-}
-
-TEST(GathererTest, AnswersLargerThanABufferAreRefused) {
-  const std::uint64_t limit = TestGpu().device->info().max_buffer_bytes;
-  const std::uint64_t query_count = limit / (4 * kMaxNeighbors) + 1;
-  if (query_count > 1'000'000) GTEST_SKIP() << "the device takes too many queries to try";
-  const Photons photons = MakeCloud(CloudNamed("uniform"), 100, /*seed=*/7);
-  const auto map = TestBuilder().Build(photons, {});
-  const std::vector<float> positions(3 * query_count, 0.5f);
-  const auto answer =
-      (*map)->Gather({positions, {}, {}}, {.k = kMaxNeighbors, .outputs = kOutputNeighbors});
-  EXPECT_EQ(answer.status().code(), absl::StatusCode::kResourceExhausted) << answer.status();
 }
 
 }  // namespace

@@ -100,7 +100,7 @@ TEST_F(ServerDataTest, WhatWasAnsweredSurvivesSigkill) {
 
     // Builds and deletes until the kill.
     std::thread killer([&, pause = 30 + random() % 400] {
-      std::this_thread::sleep_for(std::chrono::milliseconds(pause));
+      std::this_thread::sleep_for(std::chrono::milliseconds(pause));  // a moment by chance
       server.Signal(SIGKILL);
     });
     while (true) {

@@ -32,6 +32,13 @@ Photons MakePhotons(std::size_t count, std::uint32_t seed) {
   return photons;
 }
 
+DeviceInfo MakeCpu() {
+  DeviceInfo cpu;
+  cpu.type = "cpu";
+  cpu.memory_bytes = cpu.max_buffer_bytes = std::uint64_t{1} << 40;
+  return cpu;
+}
+
 std::vector<v1::BuildPhotonMapRequest> MakeUpload(const std::string& name, const Photons& photons,
                                                   std::size_t photons_per_chunk) {
   std::vector<v1::BuildPhotonMapRequest> messages(1);
@@ -122,6 +129,16 @@ v1::PhotonMap ServerTest::MustBuild(const std::string& name, const Photons& phot
   const grpc::Status status = Build(*stub_, MakeUpload(name, photons), response);
   EXPECT_TRUE(status.ok()) << status.error_message();
   return response.map();
+}
+
+void ServerTest::MustRebuild(const std::string& name, const std::string& new_name) {
+  grpc::ClientContext context;
+  v1::RebuildPhotonMapRequest request;
+  request.set_name(name);
+  request.set_new_name(new_name);
+  v1::BuildPhotonMapResponse response;
+  const grpc::Status status = stub_->RebuildPhotonMap(&context, request, &response);
+  EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
 std::vector<std::string> ServerTest::EndAndReadLog() {

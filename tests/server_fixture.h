@@ -35,6 +35,9 @@ Photons MakePhotons(std::size_t count, std::uint32_t seed);
 /// [3 * count] points in the unit cube.
 std::vector<float> MakePoints(std::size_t count, std::uint32_t seed);
 
+/// A CPU with as much memory as there can be.
+DeviceInfo MakeCpu();
+
 /// The messages of an upload of `photons`: a header, then chunks of `photons_per_chunk`.
 std::vector<v1::BuildPhotonMapRequest> MakeUpload(const std::string& name, const Photons& photons,
                                                   std::size_t photons_per_chunk = 1000);
@@ -63,6 +66,9 @@ class ServerTest : public ::testing::Test {
 
   /// Builds a map of `photons`, which must succeed.
   v1::PhotonMap MustBuild(const std::string& name, const Photons& photons);
+
+  /// Builds a map `new_name` from the photons of the newest `name`, which must succeed.
+  void MustRebuild(const std::string& name, const std::string& new_name);
 
   /// The lines of the log so far; ends the server first.
   std::vector<std::string> EndAndReadLog();

@@ -6,6 +6,7 @@
 #include "nlohmann/json.hpp"
 #include "tests/gated_builder.h"
 #include "tests/http_get.h"
+#include "tests/open_upload.h"
 #include "tests/server_fixture.h"
 #include "tests/server_process.h"
 
@@ -85,16 +86,10 @@ TEST(ServerLifeTest, CallsAreServedInTheDrainDelayAndRefusedAfterIt) {
 TEST(ServerLifeTest, WhatIsOpenAfterDrainSecondsIsCutOffAndTold) {
   Process server({"--listen", "127.0.0.1:0", "--drain-seconds", "0.2"});
   const auto stub = Connect(server.WaitUntilReady());
-  grpc::ClientContext context;
-  v1::BuildPhotonMapResponse response;
-  const auto upload = stub->BuildPhotonMap(&context, &response);
-  ASSERT_TRUE(upload->Write(MakeUpload("cloud", MakePhotons(10, 1))[0]));
-  v1::ServerInfo info;
-  grpc::ClientContext first;
-  ASSERT_TRUE(stub->GetServerInfo(&first, {}, &info).ok());  // the upload has been taken up before
+  OpenUpload upload(*stub, MakeUpload("cloud", MakePhotons(10, 1))[0]);
   server.Signal(SIGTERM);
   EXPECT_EQ(server.Wait(), 0);
-  EXPECT_FALSE(upload->Finish().ok());
+  EXPECT_FALSE(upload.Finish().ok());
   EXPECT_NE(server.err().find("1 calls were open after --drain-seconds and were cancelled"),
             std::string::npos)
       << server.err();

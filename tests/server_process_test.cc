@@ -15,6 +15,7 @@
 #include "nlohmann/json.hpp"
 #include "server/unix_socket.h"
 #include "tests/gated_builder.h"
+#include "tests/open_upload.h"
 #include "tests/server_fixture.h"
 
 // The program itself: what it says and does as a process.
@@ -203,21 +204,16 @@ TEST(ServerProcessTest, ServesOnTheOpenClOfACpuThatDeviceNames) {
 TEST(ServerProcessTest, ASecondSignalEndsItAtOnce) {
   Process process({"--listen", "127.0.0.1:0"});
   const auto stub = Connect(process.WaitUntilReady());
-  grpc::ClientContext context;
-  v1::BuildPhotonMapResponse response;
-  const auto writer = stub->BuildPhotonMap(&context, &response);
-  ASSERT_TRUE(writer->Write(MakeUpload("cloud", MakePhotons(10, 1))[0]));
-  v1::ServerInfo info;
-  grpc::ClientContext first;
-  ASSERT_TRUE(stub->GetServerInfo(&first, {}, &info).ok());  // the upload has been taken up before
+  OpenUpload upload(*stub, MakeUpload("cloud", MakePhotons(10, 1))[0]);
   process.Signal(SIGTERM);
   EXPECT_TRUE(Eventually([&] {
+    v1::ServerInfo info;
     grpc::ClientContext late;
     return stub->GetServerInfo(&late, {}, &info).error_code() == grpc::StatusCode::UNAVAILABLE;
   }));
   process.Signal(SIGINT);
   EXPECT_EQ(process.Wait(), 130);
-  EXPECT_FALSE(writer->Finish().ok());
+  EXPECT_FALSE(upload.Finish().ok());
 }
 
 TEST(ServerProcessTest, AnAddressThatIsTakenIsOneLineAndExitCode1) {

@@ -135,7 +135,7 @@ TEST_F(ServiceMetricsTest, StagesAndSlowRequestsAreTold) {
   StartGated();
   {
     const auto slow = GatherAtGate();
-    std::this_thread::sleep_for(100ms);
+    std::this_thread::sleep_for(100ms);  // that it takes
     gate_->open = true;
     ASSERT_TRUE(slow->status.get().ok());
   }

@@ -106,17 +106,6 @@ TEST_F(ServiceRebuildTest, ErrorsNameTheFieldAndChangeNothing) {
   EXPECT_EQ(gate_->builds, 1);
 }
 
-TEST_F(ServiceRebuildTest, ARepeatedRequestIdIsAnsweredWithTheFirstMap) {
-  StartGated();
-  auto request = Request(v1::BUILDER_KIND_LBVH);
-  request.set_request_id("again");
-  ASSERT_TRUE(Rebuild(request).ok());
-  EXPECT_EQ(response_.map().version(), 2u);
-  ASSERT_TRUE(Rebuild(request).ok());
-  EXPECT_EQ(response_.map().version(), 2u);
-  EXPECT_EQ(gate_->builds, 2);
-}
-
 TEST_F(ServiceRebuildTest, AMapDeletedWhileTheCallWaitsIsBuiltFrom) {
   StartGated();
   const auto gather = GatherAtGate();

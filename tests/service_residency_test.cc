@@ -129,13 +129,7 @@ TEST_F(ServiceResidencyTest, AMapThatIsAwayIsRebuiltFromAndDeleted) {
   const std::string answer = Answer("away");
   MustBuild("here", MakePhotons(kCount, 2));
   ASSERT_EQ(Resident(), (std::vector<std::string>{"here"}));
-  grpc::ClientContext context;
-  v1::RebuildPhotonMapRequest request;
-  request.set_name("away");
-  request.set_new_name("again");
-  v1::BuildPhotonMapResponse rebuilt;
-  const auto status = stub_->RebuildPhotonMap(&context, request, &rebuilt);
-  ASSERT_TRUE(status.ok()) << status.error_message();
+  MustRebuild("away", "again");
   EXPECT_EQ(Resident(), (std::vector<std::string>{"again"}));  // its source stays away
   grpc::ClientContext deleting;
   v1::DeletePhotonMapRequest gone;

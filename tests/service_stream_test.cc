@@ -24,6 +24,7 @@ TEST_F(ServiceStreamTest, AStreamReadsOneBatchAheadAndNoMore) {
     }
   });
   ASSERT_TRUE(Eventually([&] { return gate_->gathers == 1; }));
+  // The second waits for the first; a third that was read would have been by then.
   std::this_thread::sleep_for(100ms);
   // A batch takes up its version when it is read: the second has, the third has not.
   for (const char* map : {"cloud", "third"}) Delete(map);

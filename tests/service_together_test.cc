@@ -8,7 +8,7 @@
 #include "gmock/gmock.h"
 #include "server/gather_together.h"
 #include "tests/gated_service.h"
-#include "tests/http_get.h"
+#include "tests/waiting_requests.h"
 
 // Batches of a few queries that go to the device together.
 namespace treelight::testing {
@@ -46,16 +46,8 @@ class ServiceTogetherTest : public GatedServiceTest {
       request.set_answer_floats(call.floats);
       return stub_->Gather(&call.context, request, &call.response);
     });
-    EXPECT_TRUE(Eventually([&] { return Waiting() == calls_.size(); }));
+    EXPECT_TRUE(Eventually([&] { return WaitingRequests(*server_) == calls_.size(); }));
     return call;
-  }
-
-  /// Batches that wait for the device, as the metrics have it.
-  std::size_t Waiting() const {
-    const std::string metrics = HttpGet(server_->metrics_port(), "/metrics");
-    const std::string name = "\ntreelight_device_queue_depth ";
-    const std::size_t at = metrics.find(name);
-    return at == std::string::npos ? 0 : std::stoul(metrics.substr(at + name.size()));
   }
 
   void StartWithOneAtTheGate() {

@@ -43,14 +43,28 @@ Photons MakePhotons(std::size_t count) {
   return photons;
 }
 
-std::string Write(const v1::PhotonMap& map, const std::string& request_id, const Photons& photons) {
+/// What the map was asked for with.
+BuildRequest Request(const std::string& request_id) {
+  v1::BuildHeader header;
+  header.set_name("room.1");
+  header.set_photon_count(100);
+  header.mutable_options()->set_builder(v1::BUILDER_KIND_AUTO);
+  header.set_request_id(request_id);
+  return KeepRequest(header);
+}
+
+std::string Write(const v1::PhotonMap& map, const std::string& request_id,
+                  const BuildRequest& request, const Photons& photons) {
   std::string file;
-  const auto status = WriteSnapshot(map, request_id, photons, [&](std::string_view bytes) {
+  const auto status = WriteSnapshot(map, request_id, request, photons, [&](std::string_view bytes) {
     file.append(bytes);
     return absl::OkStatus();
   });
   EXPECT_TRUE(status.ok()) << status;
   return file;
+}
+std::string Write(const v1::PhotonMap& map, const std::string& request_id, const Photons& photons) {
+  return Write(map, request_id, Request(request_id), photons);
 }
 
 /// Reads out of a buffer, and fails the test where it reads beyond.
@@ -94,6 +108,7 @@ TEST(SnapshotTest, WhatIsReadIsWhatWasWritten) {
       ASSERT_TRUE(head.ok()) << head.status();
       EXPECT_EQ(head->map.SerializeAsString(), Describe(photons).SerializeAsString());
       EXPECT_EQ(head->request_id, "request-1");
+      EXPECT_EQ(head->request.SerializeAsString(), Request("request-1").SerializeAsString());
       EXPECT_EQ(head->options.max_leaf_size, 8u);
       EXPECT_EQ(head->options.morton_bits, MortonBits::k63);
       const auto read = Read(file);
@@ -174,9 +189,32 @@ TEST(SnapshotTest, ADescriptionThatCannotBeIsRefusedWhateverItsChecksum) {
               HasSubstr("request id"));
 }
 
+TEST(SnapshotTest, ARequestThatIsNoneOfABuildIsRefused) {
+  const Photons photons = MakePhotons(3);
+  const auto refused = [&](const BuildRequest& request) {
+    return Read(Write(Describe(photons), "id", request, photons)).status();
+  };
+  BuildRequest request = Request("id");
+  EXPECT_TRUE(refused(request).ok());
+  request.set_value("\x0a");  // a name without its length
+  EXPECT_EQ(refused(request), absl::DataLossError("its request is none of a build"));
+  request.PackFrom(v1::GatherRequest());
+  EXPECT_EQ(refused(request), absl::DataLossError("its request is none of a build"));
+  request.set_value(std::string(5000, 'x'));
+  EXPECT_EQ(refused(request), absl::DataLossError("its head is damaged"));
+}
+
+/// A file of format 1 has no request, whatever its fourth number says.
+TEST(SnapshotTest, ARequestInAFileOfFormat1IsDamage) {
+  const Photons photons = MakePhotons(3);
+  std::string file = Write(Describe(photons), "id", photons);
+  file[8] = 1;
+  EXPECT_EQ(Read(file).status(), absl::DataLossError("its head is damaged"));
+}
+
 TEST(SnapshotTest, AnErrorOfTheWriterEndsTheWriting) {
   int calls = 0;
-  EXPECT_EQ(WriteSnapshot(Describe(MakePhotons(3)), "id", MakePhotons(3),
+  EXPECT_EQ(WriteSnapshot(Describe(MakePhotons(3)), "id", Request("id"), MakePhotons(3),
                           [&](std::string_view) {
                             return ++calls == 3 ? absl::InternalError("full") : absl::OkStatus();
                           }),
@@ -197,6 +235,8 @@ TEST(SnapshotTest, FilesOfEveryFormatVersionLoad) {
     EXPECT_EQ(head->map.name(), "room.1");
     EXPECT_EQ(head->map.version(), 7u);
     EXPECT_EQ(head->request_id, "request-1");
+    EXPECT_EQ(head->request.SerializeAsString(),
+              version == 1 ? "" : Request("request-1").SerializeAsString());
     EXPECT_EQ(head->options.max_leaf_size, 8u);
     const auto photons = Read(file);
     ASSERT_TRUE(photons.ok()) << name << ": " << photons.status();

@@ -158,7 +158,7 @@ Latencies GatherFor(client::PhotonMapClient& client, std::chrono::milliseconds d
     const auto answer = client.Gather({"map"}, {.positions = points}, options);
     EXPECT_TRUE(answer.ok()) << answer.status();
     latencies.ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - begun).count());
-    std::this_thread::sleep_for(20ms);
+    std::this_thread::sleep_for(20ms);  // the client's own pace
   }
   return latencies;
 }

@@ -13,9 +13,9 @@ table='
 alike                   breakable_tests       ServiceReplicasTest.TheNewestIsTheNewestOfAll:ServiceReplicasTest.WhatOneDeletesIsGoneEverywhere
 build_slots             breakable_tests       ServiceAdmissionTest.BuildsOverTheirSlotsAreRefusedAndOneGoesOnAfterwards
 cancelled_in_queue      breakable_tests       DeviceQueueTest.AJobNobodyWaitsForIsToldInsteadOfRun
-certificate_change      server_security_test  ServerSecurityTest.CertificatesThatChangeAreTakenUp
+certificate_change      server_tls_test       ServerTlsTest.CertificatesThatChangeAreTakenUp
 checksum                treelight_faults
-client_ca               server_security_test  ServerSecurityTest.AClientCaAsksForCertificates
+client_ca               server_tls_test       ServerTlsTest.AClientCaAsksForCertificates
 connections             server_connections_test ServerConnectionsTest.MoreConnectionsThanItHasFilesForDoNotEndIt
 damaged_file            treelight_faults
 dead_names              breakable_tests       MapStoreTest.NamesWithoutMapsAreForgottenAndNoVersionIsUsedTwiceStill
@@ -35,7 +35,7 @@ health                  server_life_test      ServerLifeTest.HealthCheckFollowsT
 healthcheck             server_life_test      ServerLifeTest.HealthCheckFollowsTheServer
 leftovers               treelight_faults
 limits                  treelight_faults
-loaded_once             breakable_tests       ServiceReplicasTest.AMapIsLoadedOnceForManyCallsAtOnce
+loaded_once             breakable_tests       ServiceSharedFilesTest.AMapIsLoadedOnceForManyCallsAtOnce
 log_reopen              server_life_test      ServerLifeTest.SighupOpensTheLogAnew
 max_calls               breakable_tests       ActiveCallsTest.OneMoreThanTheLimitIsRefusedUntilOneLeaves
 memory                  treelight_faults
@@ -45,26 +45,27 @@ metrics                 breakable_tests       ServiceMetricsTest.RefusalsAreCoun
 newest                  treelight_faults
 open_address            server_security_test  ServerSecurityTest.AnAddressForOthersNeedsTlsAndTokensOrInsecure
 open_calls              treelight_faults
+other_request           treelight_faults
 other_version           treelight_faults
 queue_depth             breakable_tests       DeviceQueueTest.AFullQueueRefusesAndNamesTheLimit
 refused_build           treelight_faults
 request_id              treelight_faults
-request_id_of_last_life breakable_tests       ServiceDataTest.ARepeatedRequestIdAnswersWithTheMapOfTheLastLife
+request_id_of_last_life breakable_tests       KeptRequestIdTest.ItStandsForTheSameInTheNextLife
 retry_info              breakable_tests       ServiceAdmissionTest.AnUploadThatFitsLaterIsToldWhen
-route                   breakable_tests       ServiceReplicasTest.AMapTheMetadataDoesNotNameIsRefused
+route                   breakable_tests       ServiceRouteTest.AMapTheMetadataDoesNotNameIsRefused
 same_tree               breakable_tests       ServiceDataTest.MapsComeBackWithAllThatIsToldOfThem:ServiceResidencyTest.IdleMapsLeaveTheDeviceForHostMemoryAndComeBack
 second_signal           server_process_test   ServerProcessTest.ASecondSignalEndsItAtOnce
-shared_request_id       breakable_tests       ServiceReplicasTest.BuildsOfOneRequestAtTheSameMomentMakeOneMap
+shared_request_id       breakable_tests       KeptRequestIdTest.BuildsOfOneRequestAtTheSameMomentMakeOneMap
 shared_version          breakable_tests       ServiceDataTest.TwoServersOnOneFolderNeverWriteOneVersion
 short_upload            treelight_faults
-slices                  breakable_tests       ServiceAdmissionTest.AStreamThatIsNotReadHoldsASliceOrTwo
+slices                  breakable_tests       ServiceSlicesTest.AStreamThatIsNotReadHoldsASliceOrTwo
 socket_lock             server_process_test   ServerProcessTest.OfServersThatStartAtOnceOnOneUnixSocketOneServes
 socket_mode             server_security_test  ServerSecurityTest.AUnixSocketHasThePermissionsThatWereAskedFor
 stall                   treelight_faults
 ties                    treelight_faults
-token                   server_security_test  ServerSecurityTest.ATokenOpensEveryCallAndHealthNeedsNone
+token                   server_tokens_test    ServerTokensTest.ATokenOpensEveryCallAndHealthNeedsNone
 version                 treelight_faults
-withdrawn_token         server_security_test  ServerSecurityTest.TokensAreTakenUpAndWithdrawnWhileItServes
+withdrawn_token         server_tokens_test    ServerTokensTest.TokensAreTakenUpAndWithdrawnWhileItServes
 '
 
 failed=0

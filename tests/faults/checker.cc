@@ -192,10 +192,22 @@ class Judge {
       Say("request id", "{} with {} photons is answered by {}@{} with {}", asked,
           build.photons.count, build.answered_name, build.version, build.photon_count);
     }
+    if (build.outcome == Outcome::kOk && !build.sent_id.empty()) CheckTakenId(build, asked);
     if (build.outcome == Outcome::kNotFound || build.outcome == Outcome::kDataLoss) {
       Say("trouble", "{}: {}", asked, build.told);
     }
     CheckTrouble(build, asked);
+  }
+
+  /// What is answered with the id of another request was asked for when no map had that any more.
+  void CheckTakenId(const BuildTry& build, const std::string& asked) {
+    const auto owner = maps_.requests().find(build.sent_id);
+    if (owner == maps_.requests().end()) return;
+    for (const KnownMap* map : maps_.Named(owner->second.name)) {
+      if (map->request == &owner->second && map->CertainlyThere(build.start, build.end)) {
+        Say("request id", "{} with the id of {} is answered", asked, Story(*map));
+      }
+    }
   }
 
   /// Two maps of one request are fine where the first had gone before the second came.

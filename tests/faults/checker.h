@@ -21,7 +21,7 @@ struct Violation {
 ///   lost        what was built stays, until it is deleted, expires, or its own file is damaged
 ///   came back   what was deleted, or has expired, stays away
 ///   refused     a build that is refused leaves no map, and one that breaks the rules is refused
-///   request id  builds with one request id make one map
+///   request id  builds with one request id make one map, and other requests with it are refused
 ///   version     no version of a name is used twice while the server runs, later ones are larger
 ///   held        when no call is open, none is counted and nothing is held; memory is bounded
 ///   life        the server starts, ends when it is told, lets open calls finish, and not else

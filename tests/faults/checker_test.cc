@@ -294,6 +294,19 @@ TEST(CheckerTest, ARequestMakesOneMap) {
   EXPECT_THAT(other.Broken(), ElementsAre("request id"));
 }
 
+TEST(CheckerTest, AnotherRequestWithATakenIdIsRefused) {
+  Story story;
+  story.Build("a", kFirst, Outcome::kOk, 1);
+  Story refused = story, gone = story;
+  story.Build("b", kSecond, Outcome::kOk, 2).sent_id = "a";
+  EXPECT_THAT(story.Broken(), ElementsAre("request id"));
+  refused.Build("b", kSecond, Outcome::kRefused).sent_id = "a";
+  EXPECT_THAT(refused.Broken(), IsEmpty());
+  gone.Delete(1, Outcome::kOk);
+  gone.Build("b", kSecond, Outcome::kOk, 2).sent_id = "a";
+  EXPECT_THAT(gone.Broken(), IsEmpty());
+}
+
 TEST(CheckerTest, NoVersionIsUsedTwiceInOneLifeAndLaterOnesAreLarger) {
   Story twice;
   twice.Build("a", kFirst, Outcome::kOk, 1);

@@ -167,7 +167,7 @@ void Client::Step() {
   }
 }
 
-void Client::BuildSomething() {
+BuildTry Client::AnyBuild() {
   // Counts that tell one request from others, where a list says no more than them.
   constexpr std::uint32_t kFewest = 64, kCounts = 2003, kStride = 37;
   const std::uint32_t serial = board_.NextSerial();
@@ -177,18 +177,28 @@ void Client::BuildSomething() {
   build.photons = {.count = kFewest + serial * kStride % kCounts,
                    .seed = static_cast<std::uint32_t>(random_())};
   if (random_() % 10 == 0) build.time_to_live = 1000 * (20 + random_() % 800);
+  return build;
+}
+
+void Client::BuildSomething() {
+  const BuildTry build = AnyBuild();
   // Asked again, as a client does that was not answered; at times one that was.
   constexpr int kTries = 3;
   for (int i = 0; i < kTries; ++i) {
     const bool again = random_() % 8 == 0, insist = random_() % 2 == 0;
     const Outcome outcome = Build(build);
-    if (!(outcome == Outcome::kOk && again) && !(outcome == Outcome::kUnknown && insist)) return;
+    if (!(outcome == Outcome::kOk && again) && !(outcome == Outcome::kUnknown && insist)) break;
   }
+  if (random_() % 8 != 0) return;
+  // What another client would ask for that takes the same id.
+  BuildTry other = AnyBuild();
+  other.sent_id = build.request_id;
+  Build(other);
 }
 
 Outcome Client::Build(BuildTry build) {
   client::UploadOptions options;
-  options.request_id = build.request_id;
+  options.request_id = build.sent_id.empty() ? build.request_id : build.sent_id;
   options.time_to_live = std::chrono::milliseconds(build.time_to_live / 1000);
   constexpr v1::BuilderKind kKinds[] = {v1::BUILDER_KIND_LBVH, v1::BUILDER_KIND_TREELET,
                                         v1::BUILDER_KIND_BALANCED};

@@ -74,6 +74,7 @@ class Client {
   void Audit();
 
  private:
+  BuildTry AnyBuild();
   void BuildSomething();
   void BuildWrongly();
   Outcome Build(BuildTry build);

@@ -41,6 +41,8 @@ struct QuerySet {
 struct BuildTry {
   Time start = 0, end = 0;
   std::string request_id{}, name{};
+  std::string
+      sent_id{};  ///< not empty: it was sent with this request id, which is of another request
   PhotonSet photons{};
   Time time_to_live = 0;         ///< 0: it stays
   bool must_be_refused = false;  ///< it breaks the rules of the protocol, or a limit

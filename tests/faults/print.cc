@@ -50,9 +50,10 @@ class Lines {
 std::string Print(const History& history) {
   Lines lines;
   for (const BuildTry& build : history.builds) {
-    lines.Add(build.start, build.end, "build {} of {}, {} photons, ttl {} ms: {} {}@{} {}",
-              build.request_id, build.name, build.photons.count, build.time_to_live / 1000,
-              Word(build.outcome), build.answered_name, build.version, build.told);
+    lines.Add(build.start, build.end, "build {} {} of {}, {} photons, ttl {} ms: {} {}@{} {}",
+              build.request_id, build.sent_id, build.name, build.photons.count,
+              build.time_to_live / 1000, Word(build.outcome), build.answered_name, build.version,
+              build.told);
   }
   for (const Delete& gone : history.deletes) {
     lines.Add(gone.start, gone.end, "delete {}@{}: {} {}", gone.name, gone.version,

@@ -297,7 +297,7 @@ TEST_F(ReplicasTest, ADrainLosesNoAcceptedRequest) {
     EXPECT_EQ(answered(), absl::OkStatus());  // no more, but those that are open finish
   }
   EXPECT_EQ(servers_[kDrained]->Wait(), 0);
-  std::this_thread::sleep_for(1s);
+  std::this_thread::sleep_for(1s);  // of load on those that are left
   const auto failures = load.End();
   EXPECT_THAT(failures, ::testing::IsEmpty());
   EXPECT_THAT(servers_[kDrained]->err(), ::testing::Not(::testing::HasSubstr("cancelled")));
@@ -316,11 +316,11 @@ TEST_F(ReplicasTest, AServerThatNginxLeavesOutBeforeItsDrainRefusesNothing) {
   constexpr std::size_t kDrained = 0;
   const auto before = LogLengths();
   auto load = GatherLoad(/*patience=*/0ms);  // what fails is not repeated
-  std::this_thread::sleep_for(500ms);
+  std::this_thread::sleep_for(500ms);        // of load on all
   servers_[kDrained]->Signal(SIGTERM);
   nginx_->TakeOut(kDrained);  // within the drain delay
   EXPECT_EQ(servers_[kDrained]->Wait(), 0);
-  std::this_thread::sleep_for(500ms);
+  std::this_thread::sleep_for(500ms);  // of load on those that are left
   const auto failures = load.End();
   EXPECT_THAT(failures, ::testing::IsEmpty());
   for (const Line& line : Log(kDrained, before[kDrained])) EXPECT_EQ(line.code, "OK");

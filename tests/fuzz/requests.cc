@@ -7,6 +7,7 @@
 #include "server/convert.h"
 #include "server/gather_batch.h"
 #include "server/upload.h"
+#include "tests/fuzz/choice.h"
 #include "tests/fuzz/require.h"
 
 namespace treelight::server {
@@ -108,20 +109,19 @@ void Gather(const std::string& bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace treelight::server;
-  if (size == 0) return 0;
-  const std::string bytes(reinterpret_cast<const char*>(data + 1), size - 1);
-  switch (data[0] % 4) {
+  const treelight::fuzz::Choice input(data, size);
+  switch (input.which % 4) {
     case 0:
-      Header(bytes);
+      Header(input.bytes);
       break;
     case 1:
-      Rebuild(bytes);
+      Rebuild(input.bytes);
       break;
     case 2:
-      WholeUpload(bytes);
+      WholeUpload(input.bytes);
       break;
     default:
-      Gather(bytes);
+      Gather(input.bytes);
   }
   return 0;
 }

@@ -1,6 +1,6 @@
 // The reader of snapshots. An even first byte: the rest is a file. An odd one: the rest is a
-// description and then a body, around which the checksums are made right, so that what is behind
-// them is reached.
+// description, where it is 3 modulo 4 a request, and then a body, around which the checksums are
+// made right, so that what is behind them is reached.
 #include "server/snapshot.h"
 
 #include <xxhash.h>
@@ -9,6 +9,7 @@
 #include <cstring>
 #include <string>
 
+#include "tests/fuzz/choice.h"
 #include "tests/fuzz/require.h"
 
 namespace treelight::server {
@@ -21,20 +22,27 @@ void Put(std::string& file, std::uint32_t number) {
   file.append(reinterpret_cast<const char*>(&number), sizeof(number));
 }
 
-/// A file of one block an array.
-std::string WithChecksums(std::string_view bytes) {
+/// Takes a text off `bytes`, whose first byte is its length.
+std::string_view TakeText(std::string_view& bytes) {
   const std::size_t length = bytes.empty() ? 0 : static_cast<unsigned char>(bytes[0]);
   if (!bytes.empty()) bytes.remove_prefix(1);
-  const std::string_view description = bytes.substr(0, length);
-  bytes.remove_prefix(description.size());
+  const std::string_view text = bytes.substr(0, length);
+  bytes.remove_prefix(text.size());
+  return text;
+}
+
+/// A file of one block an array.
+std::string WithChecksums(std::string_view bytes, bool with_request) {
+  const std::string_view description = TakeText(bytes);
+  const std::string_view request = with_request ? TakeText(bytes) : std::string_view();
   std::string file("TLMAP\r\n\x1a", 8);
   Put(file, kSnapshotVersion);
   Put(file, static_cast<std::uint32_t>(description.size()));
   Put(file, 0);
-  Put(file, 0);
-  const std::string summed = file + std::string(description);
+  Put(file, static_cast<std::uint32_t>(request.size()));
+  const std::string texts = std::string(description).append(request), summed = file + texts;
   const std::uint64_t checksum = XXH3_64bits(summed.data(), summed.size());
-  file.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum)).append(description);
+  file.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum)).append(texts);
   v1::PhotonMap map;
   if (!map.ParseFromArray(description.data(), static_cast<int>(description.size()))) return file;
   std::uint64_t block_number = 0;
@@ -71,11 +79,11 @@ void Read(const std::string& file) {
   // What was read is written again as the same bytes, but for fields of the description that are
   // not known.
   std::string again;
-  const auto written =
-      WriteSnapshot(head->map, head->request_id, *photons, [&again](std::string_view bytes) {
-        again.append(bytes);
-        return absl::OkStatus();
-      });
+  const auto written = WriteSnapshot(head->map, head->request_id, head->request, *photons,
+                                     [&again](std::string_view bytes) {
+                                       again.append(bytes);
+                                       return absl::OkStatus();
+                                     });
   Require(written.ok(), "what was read can be written");
 }
 
@@ -84,8 +92,8 @@ void Read(const std::string& file) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace treelight::server;
-  if (size == 0) return 0;
-  const std::string bytes(reinterpret_cast<const char*>(data + 1), size - 1);
-  Read(data[0] % 2 == 0 ? bytes : WithChecksums(bytes));
+  const treelight::fuzz::Choice input(data, size);
+  const bool with_request = input.which % 4 == 3;
+  Read(input.which % 2 == 0 ? input.bytes : WithChecksums(input.bytes, with_request));
   return 0;
 }
