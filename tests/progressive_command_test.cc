@@ -142,6 +142,24 @@ TEST_F(ProgressiveCommandTest, EndsByErrorAndByTime) {
   EXPECT_EQ(MapsLeft(), 0u);
 }
 
+TEST_F(ProgressiveCommandTest, APilotPlansPassesForTheError) {
+  const Outcome outcome =
+      Run("render --photons auto --target-error 0.1 --width 48 --height 48 --output p.png");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(
+      outcome.out,
+      AllOf(HasSubstr("pilot: 48"), HasSubstr("plan: "), HasSubstr(" of 0.1 in "),
+            HasSubstr(": the target error is reached\n"), HasSubstr("estimated error: 0.0")));
+  ExpectPicture(ReadFile(Path("p.png")), 48);
+  EXPECT_EQ(MapsLeft(), 0u);
+  const Outcome given =
+      Run("render --photons auto --target-error 0.2 --k 77 --spp 3 --caustic-photons 0 --passes 2 "
+          "--width 16 --height 16 --output p.png");
+  ASSERT_EQ(given.exit_code, 0) << given.err;
+  EXPECT_THAT(given.out, AllOf(HasSubstr("pilot: 40"), HasSubstr("k 77 and 3 samples a pixel"),
+                               HasSubstr("2 passes in"), HasSubstr("of caustics none")));
+}
+
 TEST_F(ProgressiveCommandTest, AnInterruptLeavesThePictureAndNoMaps) {
   for (const int signal : {SIGINT, SIGTERM}) {
     const pid_t pid = Start(std::string(kSmall) +
@@ -180,13 +198,29 @@ TEST_F(ProgressiveCommandTest, AServerThatGoesIsOneLineExitCode3AndAPreview) {
 }
 
 TEST_F(ProgressiveCommandTest, OptionsThatDoNotGoTogetherAreRefused) {
-  EXPECT_THAT(FailingRun("render --passes 3", 2), HasSubstr("--progressive"));
-  EXPECT_THAT(FailingRun("render --progressive --reference", 2), HasSubstr("--reference"));
-  EXPECT_THAT(FailingRun("render --progressive --keep-map", 2), HasSubstr("--keep-map"));
-  EXPECT_THAT(FailingRun("render --progressive --k 5", 2), HasSubstr("--k"));
-  EXPECT_THAT(FailingRun("render --progressive --passes 0", 2), HasSubstr("--passes"));
-  EXPECT_THAT(FailingRun("render --progressive --target-error nan", 2),
-              HasSubstr("--target-error"));
+  struct Refused {
+    const char *options, *named;
+  };
+  for (const auto& [options, named] : std::vector<Refused>{
+           {"--passes 3", "--passes: requires --progressive or --photons auto"},
+           {"--target-error 0.1", "--target-error: requires --progressive or --photons auto"},
+           {"--time-limit 1", "--time-limit: requires --progressive or --photons auto"},
+           {"--error-curve curve", "--error-curve: requires --progressive or --photons auto"},
+           {"--progressive --reference", "--reference"},
+           {"--progressive --keep-map", "--keep-map"},
+           {"--progressive --k 5", "--k"},
+           {"--progressive --passes 0", "--passes"},
+           {"--progressive --target-error nan", "--target-error"},
+           {"--photons auto --reference", "--reference"},
+           {"--photons auto --keep-map", "--keep-map"},
+           {"--photons auto --radius 0.1", "--radius: is chosen by --photons auto"},
+           {"--photons auto --caustic-radius 0.1", "--caustic-radius: is chosen by --photons auto"},
+           {"--photons auto --k 0", "--k: is 0"},
+           {"--photons auto --k 9", "--k: 9 is under 24"},
+           {"--photons automatic", "automatic is neither a count nor auto"},
+           {"--photons 2000000000", "--photons"}}) {
+    EXPECT_THAT(FailingRun(std::string("render ") + options, 2), HasSubstr(named)) << options;
+  }
   EXPECT_THAT(FailingRun("render --progressive --error-curve /dev/null/x", 1),
               HasSubstr("/dev/null"));
 }

@@ -24,6 +24,22 @@ TEST(SampleOrder, TakesEverySampleOnce) {
   }
 }
 
+TEST(SampleOrder, TakesTheSamplesOfALatticeAlone) {
+  for (const int stride : {1, 2, 3, 6, 16, 40}) {
+    const SampleOrder order(33, 17, 2, stride);
+    const auto side = [stride](int pixels) { return (pixels + stride - 1) / stride; };
+    EXPECT_EQ(order.size(), 2u * side(33) * side(17)) << stride;
+    EXPECT_EQ(order.samples_per_pixel(), 2u);
+    std::set<std::pair<std::uint32_t, std::uint32_t>> taken;
+    for (std::uint64_t i = 0; i < order.size(); ++i) {
+      const PixelSample s = order.At(i);
+      EXPECT_TRUE(s.x % stride == 0 && s.y % stride == 0) << stride;
+      taken.insert({s.pixel, s.sample});
+    }
+    EXPECT_EQ(taken.size(), order.size()) << stride;
+  }
+}
+
 TEST(SampleOrder, GoesFromCoarseToFine) {
   const SampleOrder order(32, 24, 1);
   EXPECT_EQ(order.first_picture(), 12u);

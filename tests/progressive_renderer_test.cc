@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/render/shrinking_radius.h"
 #include "client/scenes/cornell.h"
 #include "client/scenes/vector.h"
 #include "gtest/gtest.h"
@@ -19,12 +20,7 @@
 namespace treelight::client {
 namespace {
 
-using ::treelight::testing::MakeDiffuseBox;
-using ::treelight::testing::MakeFurnace;
-using ::treelight::testing::MakeLampUnderMirror;
-using ::treelight::testing::MustIntersect;
-
-class ProgressiveRendererTest : public ::treelight::testing::PhotonRenders {
+class ProgressiveRendererTest : public testing::PhotonRenders {
  protected:
   ProgressiveResult MustRenderPasses(const Intersector& scene, const ProgressiveOptions& options) {
     auto rendered = RenderProgressively(scene, *client_, options);
@@ -47,9 +43,9 @@ ProgressiveOptions SmallOptions(std::uint64_t passes) {
 // In a closed box whose walls emit E and reflect rho the radiance is E / (1 - rho) everywhere. It
 // is the same for all radii: what is wrong is noise, and the passes know how much.
 TEST_F(ProgressiveRendererTest, FurnaceHasTheAnalyticRadianceAndTheErrorThatIsEstimated) {
-  Scene furnace = MakeFurnace(0.5f, 2);
+  Scene furnace = testing::MakeFurnace(0.5f, 2);
   furnace.camera.vertical_fov_degrees = 25;  // away from edges
-  const Intersector scene = MustIntersect(furnace);
+  const Intersector scene = testing::MustIntersect(furnace);
   const std::uint32_t fresh = std::random_device{}();
   SCOPED_TRACE(fresh);
   double estimated = 0, measured = 0;
@@ -80,7 +76,8 @@ TEST_F(ProgressiveRendererTest, FurnaceHasTheAnalyticRadianceAndTheErrorThatIsEs
 // The floor below the image of a lamp in a mirror: E = L A cos cos' / d^2 = 9 L A / d^4.
 TEST_F(ProgressiveRendererTest, CausticsHaveTheAnalyticRadiance) {
   constexpr float kLampSide = 0.1f, kRadiance = 50;
-  const Intersector scene = MustIntersect(MakeLampUnderMirror(kRadiance, kLampSide));
+  const Intersector scene =
+      testing::MustIntersect(testing::MakeLampUnderMirror(kRadiance, kLampSide));
   constexpr int kSide = 6;
   ProgressiveOptions options = SmallOptions(10);
   options.pass.width = options.pass.height = kSide;
@@ -106,7 +103,7 @@ TEST_F(ProgressiveRendererTest, CausticsHaveTheAnalyticRadiance) {
 }
 
 TEST_F(ProgressiveRendererTest, GivesTheSamePictureForAnyNumberOfThreads) {
-  const Intersector scene = MustIntersect(MakeCornell());
+  const Intersector scene = testing::MustIntersect(MakeCornell());
   std::vector<ProgressiveResult> results;
   for (const std::size_t threads : {1, 2, 8}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -120,7 +117,7 @@ TEST_F(ProgressiveRendererTest, GivesTheSamePictureForAnyNumberOfThreads) {
 
 // A pass is a picture of its own: the mean of the pictures that RenderPhotonMaps gives.
 TEST_F(ProgressiveRendererTest, IsTheMeanOfItsPasses) {
-  const Intersector scene = MustIntersect(MakeCornell());
+  const Intersector scene = testing::MustIntersect(MakeCornell());
   std::vector<Image> means;
   ProgressiveOptions options = SmallOptions(3);
   options.pass_done = [&](const PassReport& pass, const PassStatistics& statistics) {
@@ -138,7 +135,7 @@ TEST_F(ProgressiveRendererTest, IsTheMeanOfItsPasses) {
 }
 
 TEST_F(ProgressiveRendererTest, EndsAtTheTargetError) {
-  const Intersector scene = MustIntersect(MakeDiffuseBox());
+  const Intersector scene = testing::MustIntersect(testing::MakeDiffuseBox());
   ProgressiveOptions options = SmallOptions(1'000);
   options.target_error = 0.05;
   std::vector<double> errors;
@@ -154,8 +151,26 @@ TEST_F(ProgressiveRendererTest, EndsAtTheTargetError) {
   for (std::size_t i = kMinPassesOfTarget; i < errors.size(); ++i) EXPECT_GT(errors[i - 1], 0.05);
 }
 
+// Of a blur that is known beforehand no pass may say less, until the radius shrinks.
+TEST_F(ProgressiveRendererTest, KnowsTheBlurThatItIsTold) {
+  const Intersector scene = testing::MustIntersect(MakeCornell());
+  ProgressiveOptions options = SmallOptions(6);
+  options.known_squared_bias = 1e3;
+  options.constant_passes = 4;
+  std::vector<double> biases;
+  options.pass_done = [&](const PassReport& pass, const PassStatistics&) {
+    if (pass.error) biases.push_back(pass.error->squared_bias);
+    return absl::OkStatus();
+  };
+  MustRenderPasses(scene, options);
+  ASSERT_EQ(biases.size(), 5u);
+  for (const int i : {0, 1, 2}) EXPECT_EQ(biases[i], 1e3) << i;
+  EXPECT_DOUBLE_EQ(biases[3], 1e3 * (4 + kRadiusAlpha) / 5);
+  EXPECT_LT(biases[4], biases[3]);
+}
+
 TEST_F(ProgressiveRendererTest, EndsWhenTheTimeIsUpButNotBeforeTheFirstPass) {
-  const Intersector scene = MustIntersect(MakeDiffuseBox());
+  const Intersector scene = testing::MustIntersect(testing::MakeDiffuseBox());
   ProgressiveOptions options = SmallOptions(1'000'000);
   options.time_limit_s = 0;
   EXPECT_EQ(MustRenderPasses(scene, options).last.passes, 1u);
@@ -170,7 +185,7 @@ TEST_F(ProgressiveRendererTest, EndsWhenTheTimeIsUpButNotBeforeTheFirstPass) {
 }
 
 TEST_F(ProgressiveRendererTest, AnInterruptionLeavesThePassesThatAreDone) {
-  const Intersector scene = MustIntersect(MakeCornell());
+  const Intersector scene = testing::MustIntersect(MakeCornell());
   std::atomic<bool> interrupted = false;
   ProgressiveOptions options = SmallOptions(1'000'000);
   options.interrupted = [&] { return interrupted.load(); };
@@ -194,7 +209,7 @@ TEST_F(ProgressiveRendererTest, AnInterruptionLeavesThePassesThatAreDone) {
 
 // Interrupted while the first pass is rendered, at any of its questions.
 TEST_F(ProgressiveRendererTest, AnInterruptionAtAnyTimeRemovesTheMaps) {
-  const Intersector scene = MustIntersect(MakeDiffuseBox());
+  const Intersector scene = testing::MustIntersect(testing::MakeDiffuseBox());
   for (int questions = 0; questions < 12; ++questions) {
     std::atomic<int> asked = 0;
     ProgressiveOptions options = SmallOptions(2);
@@ -209,7 +224,7 @@ TEST_F(ProgressiveRendererTest, AnInterruptionAtAnyTimeRemovesTheMaps) {
 
 // The maps of the pass that is rendered and of the next one; they expire.
 TEST_F(ProgressiveRendererTest, AtMostTwoPassesHaveMapsAndTheyExpire) {
-  const Intersector scene = MustIntersect(MakeCornell());
+  const Intersector scene = testing::MustIntersect(MakeCornell());
   ProgressiveOptions options = SmallOptions(6);
   options.map_name = "mine";
   options.pass_done = [&](const PassReport&, const PassStatistics&) {
@@ -225,7 +240,7 @@ TEST_F(ProgressiveRendererTest, AtMostTwoPassesHaveMapsAndTheyExpire) {
 }
 
 TEST_F(ProgressiveRendererTest, AnErrorOfTheCallerEndsTheRun) {
-  const Intersector scene = MustIntersect(MakeDiffuseBox());
+  const Intersector scene = testing::MustIntersect(testing::MakeDiffuseBox());
   ProgressiveOptions options = SmallOptions(9);
   options.pass_done = [](const PassReport&, const PassStatistics&) {
     return absl::DataLossError("mine");
@@ -235,7 +250,7 @@ TEST_F(ProgressiveRendererTest, AnErrorOfTheCallerEndsTheRun) {
 }
 
 TEST_F(ProgressiveRendererTest, OptionsOutOfRangeAreRefused) {
-  const Intersector scene = MustIntersect(MakeDiffuseBox());
+  const Intersector scene = testing::MustIntersect(testing::MakeDiffuseBox());
   const auto code = [&](auto change) {
     ProgressiveOptions options = SmallOptions(1);
     change(options);
@@ -243,6 +258,9 @@ TEST_F(ProgressiveRendererTest, OptionsOutOfRangeAreRefused) {
   };
   constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
   EXPECT_EQ(code([](auto& o) { o.max_passes = 0; }), kInvalid);
+  EXPECT_EQ(code([](auto& o) { o.constant_passes = 0; }), kInvalid);
+  EXPECT_EQ(code([](auto& o) { o.known_squared_bias = -1; }), kInvalid);
+  EXPECT_EQ(code([](auto& o) { o.min_passes_of_target = 1; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.target_error = -1; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.target_error = NAN; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.time_limit_s = NAN; }), kInvalid);

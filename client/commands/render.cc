@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -20,20 +19,15 @@
 #include "client/render/map_upload.h"
 #include "client/render/path_tracer.h"
 #include "client/render/photon_renderer.h"
+#include "client/render/stopwatch.h"
 #include "client/trace/photon_tracer.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 /// Samples per pixel of albedo and normals.
 constexpr std::uint32_t kFeatureSamples = 16;
-
-double SecondsSince(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 /// Refuses a scene of which a reference would lack light, or warns where that was allowed.
 absl::Status CheckComplete(const Scene& scene, const RenderChoice& choice) {
@@ -53,7 +47,7 @@ absl::Status RenderReference(const Intersector& scene, const RenderChoice& choic
                              const Viewer& viewer) {
   if (auto status = CheckComplete(scene.scene(), choice); !status.ok()) return status;
   PathTraceOptions trace = choice.reference_options();
-  const auto begin = Clock::now();
+  const Stopwatch begin;
   Progress progress("path-trace",
                     std::uint64_t{trace.samples_per_pixel} * trace.width * trace.height, "samples");
   trace.progress = [&](std::uint64_t samples) { progress.Update(samples); };
@@ -61,7 +55,7 @@ absl::Status RenderReference(const Intersector& scene, const RenderChoice& choic
   const auto traced = PathTrace(scene, trace);
   progress.End();
   if (!traced.ok()) return traced.status();
-  const double seconds = SecondsSince(begin);
+  const double seconds = begin.Seconds();
   fmt::print(
       "path-traced with {} samples per pixel in {:.1f} s, {:.1f} Mrays/s; noise {:.5f} (standard "
       "error, root mean square)\n",
@@ -159,22 +153,22 @@ absl::Status RenderByPhotons(const Intersector& scene, const RenderChoice& choic
   if (const auto info = client.GetServerInfo(); !info.ok()) return info.status();
 
   RenderTimes times;
-  const auto begin = Clock::now();
+  const Stopwatch begin;
   const auto photons = TraceScene(scene, choice);
   if (!photons.ok()) return photons.status();
-  times.trace_s = SecondsSince(begin);
+  times.trace_s = begin.Seconds();
 
   const auto maps = BuildMaps(client, *photons, choice);
   if (!maps.ok()) return maps.status();
   times.build_s = maps->seconds;
 
-  const auto render_begin = Clock::now();
+  const Stopwatch rendering;
   const auto radii = ChooseRadii(client, *photons, maps->refs(), choice);
   const PhotonRenderOptions options = choice.photon_options(radii.value_or(GatherRadii{}));
   const auto render =
       radii.ok() ? GatherPicture(scene, client, maps->refs(), options, viewer) : radii.status();
-  times.render_s = SecondsSince(render_begin);
-  times.whole_s = SecondsSince(begin);
+  times.render_s = rendering.Seconds();
+  times.whole_s = begin.Seconds();
   const absl::Status finished = render.ok() ? viewer.finish(render->image) : render.status();
   MapTraversals traversals;
   if (finished.ok()) traversals = SampleTraversals(client, maps->refs(), *render, options);

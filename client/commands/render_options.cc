@@ -22,6 +22,21 @@ std::string CheckImagePath(const std::string& path) {
   return IsImagePath(path) ? "" : path + " ends neither in .png nor in .exr";
 }
 
+constexpr char kAuto[] = "auto";
+constexpr std::uint64_t kMaxPhotonCount = 1'000'000'000;
+
+CLI::Validator CountOrAuto() {
+  return {[](const std::string& text) {
+            if (text == kAuto) return std::string();
+            const CLI::Range range(std::uint64_t{0}, kMaxPhotonCount);
+            std::string number = text;
+            return text.find_first_not_of("0123456789") == std::string::npos
+                       ? range(number)
+                       : text + " is neither a count nor auto";
+          },
+          "0 to 1e9, or auto"};
+}
+
 void AddEstimateOptions(CLI::App& command, const std::string& prefix, const std::string& what,
                         double radius_quantile, EstimateOptions& estimate,
                         std::optional<float>& radius) {
@@ -104,37 +119,33 @@ void AddReferenceOptions(CLI::App& command, RenderChoice& choice) {
 }
 
 void AddProgressiveOptions(CLI::App& command, RenderChoice& choice) {
-  auto* const progressive =
-      command
-          .add_flag("--progressive", choice.progressive,
-                    "Render in passes, each of fresh photons (--photons, --caustic-photons) and "
-                    "fresh camera rays, with radii that shrink: the mean goes to the true picture")
-          ->excludes("--reference")
-          ->excludes("--keep-map");
+  command
+      .add_flag("--progressive", choice.progressive,
+                "Render in passes, each of fresh photons (--photons, --caustic-photons) and "
+                "fresh camera rays, with radii that shrink: the mean goes to the true picture")
+      ->excludes("--reference");
   command
       .add_option("--passes", choice.passes,
                   fmt::format("With --progressive: end after so many (default: {} where neither "
                               "--target-error nor --time-limit is given)",
                               kProgressivePasses))
-      ->needs(progressive)
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000}));
   command
       .add_option("--target-error", choice.target_error,
-                  "With --progressive: end when the estimated error (root of the relative mean "
-                  "squared error, noise and blur) is no more than this")
-      ->needs(progressive)
+                  fmt::format("With --progressive: end when the estimated error (root of the "
+                              "relative mean squared error, noise and blur) is no more than this "
+                              "(default: none; {} with --photons auto)",
+                              kAutoTargetError))
       ->check(NumberIn(1e-6, 1e6));
   command
       .add_option("--time-limit", choice.time_limit_s,
                   "With --progressive: end within so many seconds, or with the first pass")
-      ->needs(progressive)
       ->check(NumberIn(0, 1e9));
   command
       .add_option("--error-curve", choice.error_curve_folder,
                   "With --progressive: folder for progressive.csv, the estimated error after each "
                   "pass, with --compare also the measured one, and its chart")
-      ->type_name("FOLDER")
-      ->needs(progressive);
+      ->type_name("FOLDER");
 }
 
 /// A reference has no photon maps: their options beside it are errors, not passed over.
@@ -147,16 +158,27 @@ void RefuseWithReference(CLI::App& command) {
 }
 
 void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
-  command.add_option("--photons", choice.photon_count, "Photons of the indirect map; 0: none")
-      ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
+  command
+      .add_option_function<std::string>(
+          "--photons",
+          [&choice](const std::string& count) {
+            choice.auto_photons = count == kAuto;
+            if (!choice.auto_photons) choice.photon_count = std::stoull(count);
+          },
+          "Photons of the indirect map; 0: none. auto: as many as --target-error takes, in passes "
+          "(--progressive) that a pilot plans")
+      ->default_str(fmt::to_string(choice.photon_count))
+      ->type_name("COUNT")
+      ->check(CountOrAuto());
   command
       .add_option("--caustic-photons", choice.caustic_photon_count,
-                  "Photons of the caustic map, where there is something specular; 0: none")
+                  "Photons of the caustic map, where there is something specular; 0: none. With "
+                  "--photons auto there is one for five of the others, or none")
       ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1'000'000'000}));
+      ->check(CLI::Range(std::uint64_t{0}, kMaxPhotonCount));
   AddEstimateOptions(command, "", "indirect light", kIndirectRadiusQuantile, choice.render.indirect,
                      choice.radii.indirect);
+  command.get_option("--k")->each([&choice](const std::string&) { choice.gives_k = true; });
   AddEstimateOptions(command, "caustic-", "caustics", kCausticRadiusQuantile, choice.render.caustic,
                      choice.radii.caustic);
   command
@@ -174,6 +196,30 @@ void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
       fmt::format("Leave the maps on the server; else they are deleted at the end, and "
                   "by the server after {} h where that fails",
                   kTimeToLive.count()));
+}
+
+/// Options of passes without --progressive, and what --photons auto chooses itself.
+void CheckPasses(RenderChoice& choice) {
+  const auto refuse = [](bool given, const char* option, const char* why) {
+    if (given) throw CLI::ValidationError(option, why);
+  };
+  if (choice.auto_photons) {
+    constexpr char kChosen[] = "is chosen by --photons auto";
+    refuse(choice.radii.indirect.has_value(), "--radius", kChosen);
+    refuse(choice.radii.caustic.has_value(), "--caustic-radius", kChosen);
+    refuse(choice.render.indirect.k == 0, "--k", "is 0: --photons auto needs a k");
+    refuse(choice.render.caustic.k == 0, "--caustic-k", "is 0: --photons auto needs a k");
+    choice.progressive = true;
+    if (choice.target_error == 0) choice.target_error = kAutoTargetError;
+  }
+  constexpr char kNeeds[] = "requires --progressive or --photons auto";
+  refuse(choice.progressive && choice.keep_maps, "--keep-map",
+         "excludes --progressive and --photons auto");
+  if (choice.progressive) return;
+  refuse(choice.passes.has_value(), "--passes", kNeeds);
+  refuse(choice.target_error > 0, "--target-error", kNeeds);
+  refuse(choice.time_limit_s.has_value(), "--time-limit", kNeeds);
+  refuse(!choice.error_curve_folder.empty(), "--error-curve", kNeeds);
 }
 
 void CheckProgressiveK(const std::string& name, std::uint32_t k) {
@@ -227,6 +273,7 @@ void CheckRenderOptions(RenderChoice& choice) {
   if (choice.reference && choice.samples_per_pixel == 1u) {
     throw CLI::ValidationError("--spp", "a reference needs at least 2, to tell its noise");
   }
+  CheckPasses(choice);
   if (choice.progressive) {
     CheckProgressiveK("--k", choice.render.indirect.k);
     CheckProgressiveK("--caustic-k", choice.render.caustic.k);

@@ -23,6 +23,10 @@ inline constexpr std::uint32_t kReferenceSamples = 256;
 /// Passes of a progressive render where nothing is said of its end.
 inline constexpr std::uint64_t kProgressivePasses = 64;
 
+/// Error that `--photons auto` ends at where nothing is said: about what a picture of the default
+/// numbers has (docs/rendering.md).
+inline constexpr double kAutoTargetError = 0.05;
+
 /// The largest radius of an estimate from each map, scene units; nothing where there is no map.
 struct GatherRadii {
   std::optional<float> indirect{}, caustic{};
@@ -32,6 +36,8 @@ struct GatherRadii {
 struct RenderChoice {
   SceneChoice scene;
   std::uint64_t photon_count = 1'000'000, caustic_photon_count = 200'000, seed = 1;
+  bool auto_photons = false;  ///< progressive, in passes that a pilot plans
+  bool gives_k = false;       ///< --k was given: the plan keeps it
   std::optional<std::uint32_t> samples_per_pixel;
   PhotonRenderOptions render;  ///< samples, seed, radii and callbacks are set by others
   GatherRadii radii;           ///< nothing: they follow the photons (RadiusOfNearest)

@@ -1,9 +1,10 @@
 #include "client/render/map_gather.h"
 
 #include <algorithm>
-#include <chrono>
 #include <limits>
 #include <utility>
+
+#include "client/render/stopwatch.h"
 
 namespace treelight::client {
 namespace {
@@ -13,9 +14,9 @@ constexpr std::uint64_t kNoSample = std::numeric_limits<std::uint64_t>::max();
 /// Runs `work` and adds the seconds that it took to `seconds`.
 template <typename Work>
 auto Timed(double& seconds, Work work) {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch begin;
   auto result = work();
-  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  seconds += begin.Seconds();
   return result;
 }
 

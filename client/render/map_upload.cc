@@ -1,5 +1,7 @@
 #include "client/render/map_upload.h"
 
+#include "client/render/stopwatch.h"
+
 namespace treelight::client {
 namespace {
 
@@ -16,7 +18,7 @@ PhotonMaps UploadedMaps::refs() const {
 
 absl::StatusOr<UploadedMaps> UploadMaps(PhotonMapClient& client, const TracedPhotons& photons,
                                         const MapUploadOptions& options) {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch begin;
   UploadedMaps maps;
   std::uint64_t sent_before = 0;
   const auto build = [&](const Photons& set, const char* ending,
@@ -38,7 +40,7 @@ absl::StatusOr<UploadedMaps> UploadMaps(PhotonMapClient& client, const TracedPho
     DeleteMaps(client, maps.refs()).IgnoreError();  // the first error tells more
     return status;
   }
-  maps.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  maps.seconds = begin.Seconds();
   return maps;
 }
 

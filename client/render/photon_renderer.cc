@@ -1,7 +1,6 @@
 #include "client/render/photon_renderer.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <deque>
 #include <future>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "client/render/radius_probe.h"
+#include "client/render/stopwatch.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -23,12 +23,6 @@ constexpr std::uint64_t kMaxStrata = 1 << 24;
 constexpr std::size_t kMaxQueriesPerMessage = 131072;
 constexpr std::uint64_t kBytesPerQuery = 24;
 constexpr std::uint64_t kRestOfMessage = 65536;  // bytes, all but the queries
-
-using Clock = std::chrono::steady_clock;
-
-double SecondsSince(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 /// Samples of the camera whose light is not all there yet, in the order in which they were traced.
 class OpenSamples {
@@ -83,6 +77,8 @@ absl::Status CheckOptions(const PhotonRenderOptions& options) {
     return absl::InvalidArgumentError(
         fmt::format("a picture of {} x {} pixels", options.width, options.height));
   }
+  if (options.pixel_stride <= 0)
+    return absl::InvalidArgumentError(fmt::format("pixel_stride is {}", options.pixel_stride));
   if (options.camera.samples_per_pixel == 0)
     return absl::InvalidArgumentError("samples_per_pixel is 0");
   if (options.camera.light_strata == 0) return absl::InvalidArgumentError("light_strata is 0");
@@ -118,11 +114,12 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   if (const auto status = CheckOptions(options); !status.ok()) return status;
   const auto max_queries = QueriesPerMessage(client);
   if (!max_queries.ok()) return max_queries.status();
-  const auto begin = Clock::now();
+  const Stopwatch begin;
   PhotonRenderedImage result;
   const CameraRays camera(intersector.scene().camera, options.width, options.height);
   const Lights lights(intersector.scene());
-  const SampleOrder order(options.width, options.height, options.camera.samples_per_pixel);
+  const SampleOrder order(options.width, options.height, options.camera.samples_per_pixel,
+                          options.pixel_stride);
   ProgressiveImage image(options.width, options.height);
   PreviewClock preview(options.preview);
   OpenSamples open;
@@ -185,9 +182,9 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
       kMinSamplesPerBatch, kRaysPerBatch / (1 + options.camera.final_gather_rays));
   const auto trace = [&](std::uint64_t first) {
     const std::size_t count = std::min<std::uint64_t>(batch_size, order.size() - first);
-    const auto trace_begin = Clock::now();
+    const Stopwatch tracing;
     auto batch = TraceCameraBatch(intersector, lights, camera, order, first, count, options.camera);
-    result.camera_s += SecondsSince(trace_begin);  // one batch at a time is traced
+    result.camera_s += tracing.Seconds();  // one batch at a time is traced
     return batch;
   };
   // While a batch is sent and answers are taken, the next one is traced.
@@ -223,7 +220,7 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   if (indirect) result.indirect = indirect->cost();
   if (caustic) result.caustic = caustic->cost();
   if (probe) result.radius_difference = probe->Difference();
-  result.seconds = SecondsSince(begin);
+  result.seconds = begin.Seconds();
   return result;
 }
 

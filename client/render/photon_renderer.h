@@ -20,6 +20,8 @@ namespace treelight::client {
 /// What RenderPhotonMaps renders, and how finely.
 struct PhotonRenderOptions {
   int width = 512, height = 512;  ///< pixels, > 0
+  /// > 0; only every so manyth pixel of every so manyth row gets samples.
+  int pixel_stride = 1;
   CameraPassOptions camera{};
   /// Radii that suit a scene of about 2 units; for others RadiusOfNearest finds one. That of
   /// caustics is smaller: they have sharp edges.

@@ -8,7 +8,7 @@ constexpr int kCoarsest = 8;
 
 }  // namespace
 
-SampleOrder::SampleOrder(int width, int height, std::uint32_t samples_per_pixel)
+SampleOrder::SampleOrder(int width, int height, std::uint32_t samples_per_pixel, int stride)
     : width_(static_cast<std::uint32_t>(width)), samples_per_pixel_(samples_per_pixel) {
   pixels_.reserve(std::size_t(width) * std::size_t(height));
   for (int step = kCoarsest; step > 0; step /= 2) {
@@ -16,7 +16,8 @@ SampleOrder::SampleOrder(int width, int height, std::uint32_t samples_per_pixel)
     for (int y = 0; y < height; y += step) {
       for (int x = 0; x < width; x += step) {
         const bool taken = step < kCoarsest && x % (2 * step) == 0 && y % (2 * step) == 0;
-        if (!taken) pixels_.push_back(static_cast<std::uint32_t>(y * width + x));
+        const bool wanted = x % stride == 0 && y % stride == 0;
+        if (wanted && !taken) pixels_.push_back(static_cast<std::uint32_t>(y * width + x));
       }
     }
   }

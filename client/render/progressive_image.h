@@ -24,9 +24,11 @@ struct PixelSample {
 /// fourth, every second, and the rest; then the second sample of every pixel in the same order.
 class SampleOrder {
  public:
-  /// Of a picture of `width` x `height` pixels, > 0.
-  SampleOrder(int width, int height, std::uint32_t samples_per_pixel);
+  /// Of a picture of `width` x `height` pixels, > 0; of them every `stride`-th of every stride-th
+  /// row, > 0.
+  SampleOrder(int width, int height, std::uint32_t samples_per_pixel, int stride = 1);
 
+  std::uint32_t samples_per_pixel() const { return samples_per_pixel_; }
   std::uint64_t size() const { return std::uint64_t{samples_per_pixel_} * pixels_.size(); }
 
   /// Samples after which all of the picture is seen, coarsely.

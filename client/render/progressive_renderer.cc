@@ -6,31 +6,16 @@
 #include <future>
 #include <utility>
 
-#include "client/render/map_upload.h"
 #include "client/render/shrinking_radius.h"
-#include "client/trace/photon_tracer.h"
+#include "client/render/stopwatch.h"
 #include "client/trace/random.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 /// The fewest neighbours of an estimate that is probed: a quarter of them still tells something.
 constexpr std::uint32_t kMinProbedNeighbors = 12;
-
-double SecondsSince(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
-
-/// The maps of one pass.
-struct PassMaps {
-  PhotonMaps maps;
-  std::uint64_t photons = 0;
-  std::optional<float> indirect_radius, caustic_radius;  // of the first pass; nothing: no map yet
-  double seconds = 0;
-};
 
 absl::Status CheckFirst(std::string_view name, std::uint32_t k, const FirstRadius& first) {
   if (k > 0 && k < kMinProgressiveNeighbors) {
@@ -46,6 +31,15 @@ absl::Status CheckFirst(std::string_view name, std::uint32_t k, const FirstRadiu
 
 absl::Status CheckOptions(const ProgressiveOptions& options) {
   if (options.max_passes == 0) return absl::InvalidArgumentError("max_passes is 0");
+  if (options.constant_passes == 0) return absl::InvalidArgumentError("constant_passes is 0");
+  if (options.min_passes_of_target < 2) {
+    return absl::InvalidArgumentError(
+        fmt::format("min_passes_of_target is {}", options.min_passes_of_target));
+  }
+  if (!(options.known_squared_bias >= 0)) {
+    return absl::InvalidArgumentError(
+        fmt::format("known_squared_bias is {}", options.known_squared_bias));
+  }
   if (!(options.target_error >= 0)) {
     return absl::InvalidArgumentError(fmt::format("target_error is {}", options.target_error));
   }
@@ -64,6 +58,7 @@ class Run {
       : intersector_(intersector),
         client_(client),
         options_(options),
+        radius_(options.constant_passes),
         statistics_(options.pass.width, options.pass.height),
         preview_(options.preview) {}
 
@@ -73,11 +68,13 @@ class Run {
     next_ = Make(0);
     for (std::uint64_t pass = 0;; ++pass) {
       if (const auto end = EndBefore(pass)) return Finish(*end);
-      const auto waiting = Clock::now();
+      const Stopwatch waiting;
       const auto maps = next_.get();
-      result_.waited_s += SecondsSince(waiting);
+      result_.waited_s += waiting.Seconds();
       if (!maps.ok()) return EndBy(maps.status());
-      indirect_radius_ = maps->indirect_radius, caustic_radius_ = maps->caustic_radius;
+      // A pass may store no photon of a set that others have.
+      if (maps->indirect_radius) indirect_radius_ = maps->indirect_radius;
+      if (maps->caustic_radius) caustic_radius_ = maps->caustic_radius;
       if (pass + 1 < options_.max_passes) next_ = Make(pass + 1);
 
       const auto status = RenderPass(pass, *maps);
@@ -92,68 +89,37 @@ class Run {
 
   /// A first pass is rendered however long it takes.
   bool TimeIsUp(std::uint64_t pass) const {
-    return pass > 0 && SecondsSince(begin_) > options_.time_limit_s;
+    return pass > 0 && begin_.Seconds() > options_.time_limit_s;
   }
 
   /// Why pass `pass` is not begun; nothing: it is.
   std::optional<ProgressiveEnd> EndBefore(std::uint64_t pass) const {
     if (Interrupted()) return ProgressiveEnd::kInterrupted;
     const PassReport& last = result_.last;
-    if (pass >= kMinPassesOfTarget && last.error->relative_rms() <= options_.target_error)
+    if (pass >= options_.min_passes_of_target &&
+        last.error->relative_rms() <= options_.target_error)
       return ProgressiveEnd::kTargetError;
     if (pass == options_.max_passes) return ProgressiveEnd::kPasses;
-    if (pass > 0 && SecondsSince(begin_) + last_pass_s_ > options_.time_limit_s)
+    if (pass > 0 && begin_.Seconds() + last_pass_s_ > options_.time_limit_s)
       return ProgressiveEnd::kTimeLimit;
     return std::nullopt;
   }
 
-  /// Traces and uploads the photons of a pass on another thread; chooses radii with the first maps.
+  /// Makes the maps of a pass on another thread; chooses radii with the first.
   std::future<absl::StatusOr<PassMaps>> Make(std::uint64_t pass) {
-    return std::async(std::launch::async, [this, pass, indirect_radius = indirect_radius_,
-                                           caustic_radius = caustic_radius_] {
-      return MakeMaps(pass, indirect_radius, caustic_radius);
+    PassMapOptions make{
+        .indirect_photons = options_.indirect_photons,
+        .caustic_photons = options_.caustic_photons,
+        .seed = PassSeed(options_.seed, pass),
+        .upload = {.name = options_.map_name, .time_to_live = options_.time_to_live},
+        .indirect = options_.indirect,
+        .caustic = options_.caustic,
+        .cancelled = [this, pass] { return stop_making_ || Interrupted() || TimeIsUp(pass); }};
+    if (indirect_radius_) make.indirect.given = indirect_radius_;
+    if (caustic_radius_) make.caustic.given = caustic_radius_;
+    return std::async(std::launch::async, [this, make = std::move(make)] {
+      return MakePassMaps(intersector_, client_, make);
     });
-  }
-
-  absl::StatusOr<PassMaps> MakeMaps(std::uint64_t pass, std::optional<float> indirect_radius,
-                                    std::optional<float> caustic_radius) {
-    const auto begin = Clock::now();
-    const auto photons = TracePhotons(
-        intersector_,
-        {.indirect_photons = options_.indirect_photons,
-         .caustic_photons = options_.caustic_photons,
-         .seed = PassSeed(options_.seed, pass),
-         .cancelled = [this, pass] { return stop_making_ || Interrupted() || TimeIsUp(pass); }});
-    if (!photons.ok()) return photons.status();
-    const auto uploaded = UploadMaps(
-        client_, *photons, {.name = options_.map_name, .time_to_live = options_.time_to_live});
-    if (!uploaded.ok()) return uploaded.status();
-    PassMaps maps{.maps = uploaded->refs(),
-                  .photons = photons->indirect.size() + photons->caustic.size(),
-                  .indirect_radius = indirect_radius,
-                  .caustic_radius = caustic_radius};
-    auto status =
-        Choose(maps.maps.indirect, photons->indirect, options_.indirect, maps.indirect_radius);
-    if (status.ok()) {
-      status = Choose(maps.maps.caustic, photons->caustic, options_.caustic, maps.caustic_radius);
-    }
-    if (!status.ok()) {
-      DeleteMaps(client_, maps.maps).IgnoreError();  // the first error tells more
-      return status;
-    }
-    maps.seconds = SecondsSince(begin);
-    return maps;
-  }
-
-  absl::Status Choose(const std::optional<MapRef>& map, const Photons& photons,
-                      const FirstRadius& first, std::optional<float>& radius) {
-    if (radius || !map) return absl::OkStatus();
-    radius = first.given;
-    if (radius) return absl::OkStatus();
-    const auto k = static_cast<std::uint32_t>(std::min<std::size_t>(first.k, photons.size()));
-    const auto chosen = RadiusOfNearest(client_, *map, photons, k, first.quantile);
-    if (chosen.ok()) radius = *chosen;
-    return chosen.status();
   }
 
   absl::Status RenderPass(std::uint64_t pass, const PassMaps& maps) {
@@ -181,12 +147,20 @@ class Run {
                     render.probe_radii ? &picture->radius_difference : nullptr);
     report.passes = statistics_.passes();
     report.photons += maps.photons;
-    if (report.passes > 1) report.error = statistics_.Estimate();
-    last_pass_s_ = SecondsSince(begin_) - std::exchange(report.seconds, SecondsSince(begin_));
+    if (report.passes > 1) report.error = EstimateError();
+    last_pass_s_ = begin_.Seconds() - std::exchange(report.seconds, begin_.Seconds());
     result_.photons_s += maps.seconds;
     result_.pictures_s += picture->seconds;
     preview_.Update([this] { return statistics_.Mean(); });
     return options_.pass_done ? options_.pass_done(report, statistics_) : absl::OkStatus();
+  }
+
+  ErrorEstimate EstimateError() const {
+    ErrorEstimate error = statistics_.Estimate();
+    const double known = options_.known_squared_bias * radius_.squared_scale();
+    error.squared_bias = std::max(error.squared_bias, known);
+    error.knows_bias = error.knows_bias || known > 0;
+    return error;
   }
 
   void Delete(const PhotonMaps& maps) { result_.deleted.Update(DeleteMaps(client_, maps)); }
@@ -221,7 +195,7 @@ class Run {
   const Intersector& intersector_;
   PhotonMapClient& client_;
   const ProgressiveOptions& options_;
-  const Clock::time_point begin_ = Clock::now();
+  const Stopwatch begin_;
   std::optional<float> indirect_radius_, caustic_radius_;  // of the first pass
   ShrinkingRadius radius_;
   PassStatistics statistics_;

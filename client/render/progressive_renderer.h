@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "client/photon_map_client.h"
 #include "client/render/gather_radius.h"
+#include "client/render/pass_maps.h"
 #include "client/render/pass_statistics.h"
 #include "client/render/photon_renderer.h"
 #include "client/trace/intersector.h"
@@ -21,16 +22,8 @@ namespace treelight::client {
 /// probed for blur.
 inline constexpr std::uint32_t kMinProgressiveNeighbors = 24;
 
-/// Passes before a target error is believed to be reached.
+/// Passes before a target error is believed to be reached, where nothing is known beforehand.
 inline constexpr std::uint64_t kMinPassesOfTarget = 8;
-
-/// The radius of the first pass of one map. Where none is given, that within which `quantile` of
-/// the photons of the first pass have their k nearest (RadiusOfNearest).
-struct FirstRadius {
-  std::optional<float> given{};  ///< scene units
-  std::uint32_t k = 0;           ///< > 0; also where the estimate has no k
-  double quantile = 1;
-};
 
 /// What one pass cost, and what is known after it.
 struct PassReport {
@@ -55,8 +48,14 @@ struct ProgressiveOptions {
   std::string map_name = "progressive";
   std::chrono::milliseconds time_to_live = std::chrono::hours(1);  ///< longer than a pass takes
 
+  /// Of the first radius, where it is known beforehand: the estimate is never less. Few passes tell
+  /// little of it. It goes with the squared radius.
+  double known_squared_bias = 0;
+  std::uint64_t constant_passes = 1;  ///< > 0, with the radius of the first; later it shrinks
+
   std::uint64_t max_passes = std::numeric_limits<std::uint64_t>::max();  ///< > 0
   double target_error = 0;  ///< ErrorEstimate::relative_rms(); 0: none
+  std::uint64_t min_passes_of_target = kMinPassesOfTarget;  ///< > 1, before it is believed
   double time_limit_s = std::numeric_limits<double>::infinity();
   CancelCheck interrupted{};  ///< true: end, with the passes that are done; any thread
 

@@ -22,7 +22,7 @@ RadiusProbe::RadiusProbe(const SampleOrder& order, int width, int height)
     : order_(order),
       width_(LatticeSide(width)),
       height_(LatticeSide(height)),
-      samples_per_pixel_(static_cast<double>(order.size()) / width / height),
+      samples_per_pixel_(order.samples_per_pixel()),
       sums_(std::size_t(width_) * std::size_t(height_)) {}
 
 GatherPoints RadiusProbe::Select(const GatherPoints& points, std::uint64_t first_sample) const {
