@@ -148,6 +148,33 @@ TEST_F(MergedServiceTest, AGroupSizeMayBeAskedFor) {
   }
 }
 
+TEST_F(MergedServiceTest, ARandomSubsetIsKeptAsMergedPhotonsAreAndErrsMore) {
+  SCOPED_TRACE("seed " + std::to_string(seed_));
+  StartWith(1 << 20);
+  GatherOptions options{.k = 400, .outputs = kOutputDensity};
+  const GatherResult exact = Expected(photons_, positions_, options);
+  options.approximation.merged_photons = 8;
+  const GatherAnswer merged = Gather(options);
+  const std::uint64_t held = DeviceBytes();
+  options.approximation = {.thinned_photons = 8};
+  const GatherAnswer answer = Gather(options);
+  EXPECT_EQ(answer.merge_report.thinned_photons(), 8u);
+  EXPECT_EQ(answer.merge_report.merged_photons(), 0u);
+  EXPECT_EQ(answer.merge_report.exact_reason(), v1::EXACT_REASON_UNSPECIFIED);
+  EXPECT_GT(answer.errors.inexact_count, kQueries / 2);
+  const double error = ErrorOf(answer.result, exact);
+  EXPECT_NEAR(answer.merge_report.measured_error(), error, 0.5 * error);
+  EXPECT_GT(error, ErrorOf(merged.result, exact));
+  // A map of its own, made once: the same subset answers again.
+  const std::uint64_t with_subset = DeviceBytes();
+  EXPECT_GT(with_subset, held + held / 50);
+  EXPECT_EQ(Gather(options).result.densities, answer.result.densities);
+  EXPECT_EQ(DeviceBytes(), with_subset);
+  const auto line = LastGather();
+  EXPECT_EQ(line["approximation"]["thinned_photons"], 8);
+  EXPECT_EQ(line["merge_report"]["thinned_photons"], 8);
+}
+
 TEST_F(MergedServiceTest, WithoutMemoryBatchesAreExact) {
   // Enough for the map alone.
   options_.devices.resize(1);
