@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -22,12 +23,15 @@ template <typename Items, typename Key>
 void RadixSort(Items& items, Items& spare, unsigned bits, const Key& key,
                const Cancellation& cancellation = kNotCancelled) {
   using Item = typename Items::value_type;
-  constexpr unsigned kMaxDigitBits = 11;
+  constexpr unsigned kMinDigitBits = 6, kMaxDigitBits = 11;
   constexpr std::size_t kMinPart = 1 << 14;
   using Counts = std::array<std::uint32_t, 1 << kMaxDigitBits>;
 
   spare.resize(items.size());
-  const unsigned passes = std::max(1u, (bits + kMaxDigitBits - 1) / kMaxDigitBits);
+  // Few items are not worth many digits: about as many as items.
+  const auto size_bits = static_cast<unsigned>(std::bit_width(items.size()));
+  const unsigned most_bits = std::clamp(size_bits, kMinDigitBits + 1, kMaxDigitBits + 1) - 1;
+  const unsigned passes = std::max(1u, (bits + most_bits - 1) / most_bits);
   const unsigned digit_bits = (bits + passes - 1) / passes;
   const std::uint32_t digits = 1u << digit_bits;
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
@@ -38,14 +42,19 @@ void RadixSort(Items& items, Items& spare, unsigned bits, const Key& key,
       return static_cast<std::uint32_t>(key(item) >> shift) & (digits - 1);
     };
     const auto for_each_part = [&](const auto& work) {
-      tbb::parallel_for(std::size_t{0}, parts, [&](std::size_t part) {
+      const auto run = [&](std::size_t part) {
         const Item* const first = items.data() + items.size() * part / parts;
         const Item* const last = items.data() + items.size() * (part + 1) / parts;
         work(places[part], first, last);
-      });
+      };
+      if (parts == 1) {
+        run(0);
+      } else {
+        tbb::parallel_for(std::size_t{0}, parts, run);
+      }
     };
     for_each_part([&](Counts& counts, const Item* item, const Item* last) {
-      counts.fill(0);
+      std::fill_n(counts.begin(), digits, 0u);
       for (; item < last; ++item) ++counts[digit(*item)];
     });
     std::uint32_t place = 0;

@@ -63,14 +63,20 @@ void SweepSplitter::SortAxis(int axis) {
   orders_[axis].resize(n);
   left_costs_[axis].resize(n);
   spare_[axis].resize(n);
-  std::vector<std::uint64_t> places(n);  // coordinate, then place
+  constexpr std::uint32_t kFewPhotons = 32;
+  RawVector<std::uint64_t> places(n), other;  // coordinate, then place
+  std::uint32_t least = std::numeric_limits<std::uint32_t>::max(), most = 0;
   for (std::uint32_t i = 0; i < n; ++i) {
-    places[i] = std::uint64_t{OrderedBits(Coordinate(photons_[i], axis))} << 32 | i;
+    const std::uint32_t coordinate = OrderedBits(Coordinate(photons_[i], axis));
+    least = std::min(least, coordinate);
+    most = std::max(most, coordinate);
+    places[i] = std::uint64_t{coordinate} << 32 | i;
   }
-  if (n > kTaskPhotons) {
-    std::vector<std::uint64_t> other;
+  if (n > kFewPhotons) {
     RadixSort(
-        places, other, 32, [](std::uint64_t place) { return place >> 32; }, cancellation_);
+        places, other, static_cast<unsigned>(std::bit_width(most - least)),
+        [least](std::uint64_t place) { return static_cast<std::uint32_t>(place >> 32) - least; },
+        cancellation_);
   } else {
     std::sort(places.begin(), places.end());
   }
