@@ -13,11 +13,10 @@ namespace treelight {
 namespace {
 
 float Sample(const Photons& photons, std::uint32_t seed) {
-  const Tree tree =
-      photons.size() == 0
-          ? Tree()
-          : Arrange(BuildLbvh(photons.positions, MortonBits::k30, MortonLayout::kCubic, 8),
-                    TreeKind::kKdTree, 8);
+  LooseTree tree;
+  if (photons.size() > 0) {
+    tree = BuildLbvh(photons.positions, MortonBits::k30, MortonLayout::kCubic, 8);
+  }
   return SampleGatherRadius(tree, photons.positions, seed);
 }
 

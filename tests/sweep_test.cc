@@ -101,11 +101,9 @@ Box BoxOf(const Photons& photons) {
 
 Tree BuildSweep(const Photons& photons, const Measure& measure, std::uint32_t max_leaf_size,
                 LeafTerm leaf_term) {
-  SweepSplitter splitter(photons.positions, measure, max_leaf_size, leaf_term);
+  SweepSplitter splitter(measure, max_leaf_size, leaf_term);
   const PhotonRange all{0, static_cast<std::uint32_t>(photons.size()), 0};
-  std::vector<std::uint32_t> ids(photons.size());
-  std::iota(ids.begin(), ids.end(), 0u);
-  splitter.Begin(all, ids);
+  splitter.Begin(all, AllPhotons(photons.positions));
   return Arrange(TopDown(max_leaf_size, splitter).Build(all), TreeKind::kKdTree, max_leaf_size);
 }
 
@@ -146,13 +144,12 @@ TEST(SweepTest, HalvesWhereTheDepthRunsOut) {
   for (const float x : {0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 1000.0f}) {
     photons.positions.insert(photons.positions.end(), {x, x, x});
   }
-  const std::vector<std::uint32_t> ids = {0, 1, 2, 3, 4, 5, 6, 7};
   for (const auto& [depth, left_count] :
        {std::pair(0u, 7u), std::pair(kMaxDepth - 4u, 7u), std::pair(kMaxDepth - 3u, 4u)}) {
-    SweepSplitter splitter(photons.positions, Measure(Heuristic::kSah, BoxOf(photons), 0),
-                           /*max_leaf_size=*/1, LeafTerm::kNone);
+    SweepSplitter splitter(Measure(Heuristic::kSah, BoxOf(photons), 0), /*max_leaf_size=*/1,
+                           LeafTerm::kNone);
     const PhotonRange range{0, 8, depth};
-    splitter.Begin(range, ids);
+    splitter.Begin(range, AllPhotons(photons.positions));
     EXPECT_EQ(splitter.Split(range).first.count(), left_count) << depth;
   }
 }

@@ -18,59 +18,116 @@ namespace treelight {
 namespace {
 
 using Positions = std::vector<float>;
+using Clock = std::chrono::steady_clock;
 
-LooseTree BuildSweep(const Positions& positions, const BuildOptions& options,
-                     const Measure& measure, const Cancellation& cancellation) {
-  SweepSplitter splitter(positions, measure, options.max_leaf_size, options.leaf_term,
-                         cancellation);
-  const PhotonRange all{0, static_cast<std::uint32_t>(positions.size() / 3), 0};
-  std::vector<std::uint32_t> ids(all.count());
-  for (std::uint32_t i = 0; i < all.count(); ++i) ids[i] = i;
-  splitter.Begin(all, ids);
-  return TopDown(options.max_leaf_size, splitter, cancellation).Build(all);
+double MicrosecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double, std::micro>(Clock::now() - start).count();
 }
 
-LooseTree BuildHybrid(const Positions& positions, const BuildOptions& options,
-                      const Measure& measure, const Cancellation& cancellation) {
-  LbvhSplitter lbvh(positions, options.morton_bits, MortonLayout::kCubic, options.subtree_size,
-                    cancellation);
-  HybridSplitter splitter(lbvh, positions, measure, options.max_leaf_size, options.leaf_term,
-                          options.subtree_size);
-  return TopDown(options.max_leaf_size, splitter, cancellation).Build(splitter.Root());
-}
+/// One build: what it is asked for, and what it has found out.
+class CpuBuild {
+ public:
+  CpuBuild(const Positions& positions, const BuildOptions& options,
+           const Cancellation& cancellation)
+      : positions_(positions),
+        options_(options),
+        cancellation_(cancellation),
+        radius_(options.radius) {}
 
-LooseTree BuildBalanced(const Positions& positions, const BuildOptions& options,
-                        const Cancellation& cancellation) {
-  MedianSplitter splitter(positions, options.max_leaf_size, options.leaf_term);
-  return TopDown(options.max_leaf_size, splitter, cancellation)
-      .Build({0, static_cast<std::uint32_t>(positions.size() / 3), 0});
-}
+  /// Of one that was cancelled there are parts, which nobody may look at.
+  LooseTree Run() {
+    if (positions_.empty()) return {};
+    switch (options_.builder) {
+      case BuilderKind::kLbvh:
+        return Lbvh(MortonLayout::kCubic, options_.max_leaf_size);
+      case BuilderKind::kTreelet:
+      case BuilderKind::kTrbvh:
+      case BuilderKind::kAtrbvh:
+        return Treelets();
+      case BuilderKind::kHybrid:
+        return Hybrid();
+      case BuilderKind::kBalanced: {
+        MedianSplitter splitter(positions_, options_.max_leaf_size, options_.leaf_term);
+        return Split(splitter, {0, count(), 0});
+      }
+      case BuilderKind::kSlidingMidpoint: {
+        SlidingMidpointSplitter splitter(positions_, options_.max_leaf_size);
+        return Split(splitter, splitter.Root(count()));
+      }
+      case BuilderKind::kSweep:
+        return Sweep();
+      case BuilderKind::kKarras:
+        return Lbvh(MortonLayout::kPerAxis, options_.max_leaf_size);
+    }
+    return {};
+  }
 
-LooseTree BuildSlidingMidpoint(const Positions& positions, const BuildOptions& options,
-                               const Cancellation& cancellation) {
-  SlidingMidpointSplitter splitter(positions, options.max_leaf_size);
-  return TopDown(options.max_leaf_size, splitter, cancellation)
-      .Build(splitter.Root(static_cast<std::uint32_t>(positions.size() / 3)));
-}
+  float radius() const { return radius_; }
+  double radius_us() const { return radius_us_; }  ///< time of its sampling; 0: it was not sampled
 
-LooseTree BuildTreelets(const Positions& positions, const BuildOptions& options,
-                        const Measure& measure, const Cancellation& cancellation) {
-  LooseTree tree = BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
-                             TreeletInputLeafSize(options), cancellation);
-  if (cancellation.stopped()) return tree;
-  RestructureTreelets(tree, {measure, options.leaf_term, options.max_leaf_size},
-                      TreeletOptionsOf(options), cancellation);
-  return tree;
-}
+ private:
+  std::uint32_t count() const { return static_cast<std::uint32_t>(positions_.size() / 3); }
 
-/// A tree for a few searches: quickly made, with large leaves.
-Tree SampleTree(const std::vector<float>& positions, const Cancellation& cancellation) {
-  constexpr std::uint32_t kLeafSize = 1024;
-  if (positions.empty()) return {};
-  const LooseTree loose =
-      BuildLbvh(positions, MortonBits::k30, MortonLayout::kCubic, kLeafSize, cancellation);
-  return cancellation.stopped() ? Tree() : Arrange(loose, TreeKind::kKdTree, kLeafSize);
-}
+  template <typename Splitter>
+  LooseTree Split(Splitter& splitter, const typename Splitter::Range& root) const {
+    return TopDown(options_.max_leaf_size, splitter, cancellation_).Build(root);
+  }
+
+  LooseTree Lbvh(MortonLayout layout, std::uint32_t max_leaf_size) const {
+    return BuildLbvh(positions_, options_.morton_bits, layout, max_leaf_size, cancellation_);
+  }
+
+  LooseTree Hybrid() {
+    LbvhSplitter lbvh(positions_, options_.morton_bits, MortonLayout::kCubic, options_.subtree_size,
+                      cancellation_);
+    const LooseTree upper = TopDown(options_.subtree_size, lbvh, cancellation_).Build(lbvh.Root());
+    if (cancellation_.stopped()) return {};
+    SampleRadius([&]() -> const LooseTree& { return upper; });
+    HybridSplitter splitter(lbvh, upper, MeasureOfCosts(), options_.max_leaf_size,
+                            options_.leaf_term);
+    return Split(splitter, splitter.Root());
+  }
+
+  LooseTree Treelets() {
+    LooseTree tree = Lbvh(MortonLayout::kCubic, TreeletInputLeafSize(options_));
+    if (cancellation_.stopped()) return tree;
+    SampleRadius([&]() -> const LooseTree& { return tree; });
+    RestructureTreelets(tree, {MeasureOfCosts(), options_.leaf_term, options_.max_leaf_size},
+                        TreeletOptionsOf(options_), cancellation_);
+    return tree;
+  }
+
+  LooseTree Sweep() {
+    constexpr std::uint32_t kSampledLeafSize = 256;
+    SampleRadius([&] { return Lbvh(MortonLayout::kCubic, kSampledLeafSize); });
+    if (cancellation_.stopped()) return {};
+    SweepSplitter splitter(MeasureOfCosts(), options_.max_leaf_size, options_.leaf_term,
+                           cancellation_);
+    const PhotonRange all{0, count(), 0};
+    splitter.Begin(all, AllPhotons(positions_));
+    return Split(splitter, all);
+  }
+
+  /// Samples the radius in the tree that `make_tree` gives, where it is needed and not given.
+  template <typename MakeTree>
+  void SampleRadius(const MakeTree& make_tree) {
+    if (radius_ > 0 || !NeedsRadius(options_)) return;
+    const auto start = Clock::now();
+    const auto& tree = make_tree();
+    if (!cancellation_.stopped()) radius_ = SampleGatherRadius(tree, positions_, options_.seed);
+    radius_us_ = MicrosecondsSince(start);
+  }
+
+  Measure MeasureOfCosts() const {
+    return Measure(options_.heuristic, BoundsOf(positions_), radius_);
+  }
+
+  const Positions& positions_;
+  const BuildOptions& options_;
+  const Cancellation& cancellation_;
+  float radius_;
+  double radius_us_ = 0;
+};
 
 class CpuBuilder : public Builder {
  public:
@@ -87,7 +144,9 @@ class CpuBuilder : public Builder {
     report.device = device_name_;
     report.radius = built->radius;
     report.stages = std::move(built->stages);
-    return MakeTreeGatherer(photons, std::move(built->tree), std::move(report));
+    return MakeTreeGatherer(
+        {.positions = {}, .powers = photons.powers, .directions = photons.directions},
+        std::move(built->tree), std::move(report));
   }
 
   std::uint64_t WorkBytes(const BuildOptions& options, std::uint64_t photon_count) const override {
@@ -123,58 +182,20 @@ std::uint64_t CpuBuildBytes(const BuildOptions& options, std::uint64_t photon_co
   return photon_count * (kPhotonBytes + 2 * sizeof(Node) / options.max_leaf_size);
 }
 
-Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius,
-                  const Cancellation& cancellation) {
-  const auto build = [&]() -> LooseTree {
-    if (positions.empty()) return {};
-    const auto measure = [&] { return Measure(options.heuristic, BoundsOf(positions), radius); };
-    switch (options.builder) {
-      case BuilderKind::kLbvh:
-        return BuildLbvh(positions, options.morton_bits, MortonLayout::kCubic,
-                         options.max_leaf_size, cancellation);
-      case BuilderKind::kTreelet:
-      case BuilderKind::kTrbvh:
-      case BuilderKind::kAtrbvh:
-        return BuildTreelets(positions, options, measure(), cancellation);
-      case BuilderKind::kHybrid:
-        return BuildHybrid(positions, options, measure(), cancellation);
-      case BuilderKind::kBalanced:
-        return BuildBalanced(positions, options, cancellation);
-      case BuilderKind::kSlidingMidpoint:
-        return BuildSlidingMidpoint(positions, options, cancellation);
-      case BuilderKind::kSweep:
-        return BuildSweep(positions, options, measure(), cancellation);
-      case BuilderKind::kKarras:
-        return BuildLbvh(positions, options.morton_bits, MortonLayout::kPerAxis,
-                         options.max_leaf_size, cancellation);
-    }
-    return {};
-  };
-  const LooseTree loose = build();
-  if (cancellation.Ask()) return {};
-  return Arrange(loose, KindOfTree(options.builder), options.max_leaf_size);
-}
-
 absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& positions,
                                                      const BuildOptions& options,
                                                      const CancelCheck& cancelled) {
   const Cancellation cancellation(cancelled);
+  const auto start = Clock::now();
+  CpuBuild build(positions, options, cancellation);
+  const LooseTree loose = build.Run();
+  if (cancellation.Ask()) return absl::CancelledError("build cancelled");
   MeasuredCpuTree built;
-  built.radius = options.radius;
-  auto start = std::chrono::steady_clock::now();
-  const auto mark = [&](const char* stage) {
-    const auto now = std::chrono::steady_clock::now();
-    built.stages.push_back({stage, std::chrono::duration<double, std::micro>(now - start).count()});
-    start = now;
-  };
-  if (options.radius == 0 && NeedsRadius(options)) {
-    built.radius = SampleGatherRadius(SampleTree(positions, cancellation), positions, options.seed);
-    mark("radius");
-  }
-  if (cancellation.Ask()) return absl::CancelledError("build cancelled");
-  built.tree = BuildCpuTree(positions, options, built.radius, cancellation);
-  mark("tree");
-  if (cancellation.Ask()) return absl::CancelledError("build cancelled");
+  built.tree = Arrange(loose, KindOfTree(options.builder), options.max_leaf_size);
+  built.radius = build.radius();
+  const double sampled_us = build.radius_us();
+  if (sampled_us > 0) built.stages.push_back({"radius", sampled_us});
+  built.stages.push_back({"tree", MicrosecondsSince(start) - sampled_us});
   return built;
 }
 

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "core/builder.h"
-#include "core/cpu/cancellation.h"
 #include "core/cpu/treelet.h"
 
 namespace treelight {
@@ -22,11 +21,6 @@ TreeletOptions TreeletOptionsOf(const BuildOptions& options);
 /// Whether the builder of `options` takes a gather radius.
 bool NeedsRadius(const BuildOptions& options);
 
-/// The tree of `options` over checked photons [3n]; an empty one where it was cancelled.
-/// @param radius  gather radius of isa and vvh, scene units
-Tree BuildCpuTree(const std::vector<float>& positions, const BuildOptions& options, float radius,
-                  const Cancellation& cancellation = kNotCancelled);
-
 /// Host memory that BuildMeasuredCpuTree takes for so many photons, with the tree, bytes, a little
 /// more rather than less.
 std::uint64_t CpuBuildBytes(const BuildOptions& options, std::uint64_t photon_count);
@@ -37,8 +31,9 @@ struct MeasuredCpuTree {
   std::vector<StageTime> stages;  ///< "radius" where it is sampled, "tree"
 };
 
-/// The same with a radius sampled where one is needed (gather_radius.h). CANCELLED: `cancelled`
-/// said so, which is asked between passes over the photons and at each subtree of thousands.
+/// The tree of `options` over checked photons [3n], with a radius sampled where isa or vvh needs
+/// one and none is given (gather_radius.h). CANCELLED: `cancelled` said so, which is asked between
+/// passes over the photons and at each subtree of thousands.
 absl::StatusOr<MeasuredCpuTree> BuildMeasuredCpuTree(const std::vector<float>& positions,
                                                      const BuildOptions& options,
                                                      const CancelCheck& cancelled);

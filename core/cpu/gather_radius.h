@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/model/tree.h"
+#include "core/cpu/loose_tree.h"
 
 namespace treelight {
 
@@ -25,7 +25,9 @@ float MedianRadius(std::vector<float> radii);
 
 /// The MedianRadius over the sampled photons of the distance to the kRadiusNeighbors-th photon,
 /// itself included, or to the farthest where there are fewer. Scene units.
-float SampleGatherRadius(const Tree& tree, const std::vector<float>& positions, std::uint32_t seed);
+/// @param tree  a k-d tree over all of `positions` [3n], without merged nodes
+float SampleGatherRadius(const LooseTree& tree, const std::vector<float>& positions,
+                         std::uint32_t seed);
 
 }  // namespace treelight
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <span>
 #include <utility>
-#include <vector>
 
 #include "core/builder.h"
 #include "core/cpu/lbvh.h"
@@ -13,61 +13,71 @@
 
 namespace treelight {
 
-/// `lbvh` while a subtree has more than T photons, then a sweep: the lbvh with leaves of T photons,
-/// each leaf replaced by the tree that a sweep makes of it. The sweep knows of its depth only what
-/// the level of the cut above tells, as on the device: levels from positions grow on every path, so
-/// there are at most as many nodes above; where photons were cut by place alone, it halves.
+/// `lbvh` while a subtree has more than T photons, then a sweep: each leaf of an lbvh with leaves
+/// of T photons is replaced by the tree that a sweep makes of it. The sweep knows of its depth only
+/// what the level of the cut above tells, as on the device: levels from positions grow on every
+/// path, so there are at most as many nodes above; where photons were cut by place alone, it
+/// halves.
 class HybridSplitter {
  public:
-  struct Range : LbvhSplitter::Range {
-    bool swept = false;  ///< sorted for the sweep
+  struct Range : PhotonRange {
+    const Subtree* upper;  ///< of the lbvh; null below its leaves
+    std::uint32_t levels;  ///< of cuts from the root down to here, at most
   };
 
-  /// @param subtree_size  T, at least `max_leaf_size`
-  HybridSplitter(LbvhSplitter& lbvh, const std::vector<float>& positions, const Measure& measure,
-                 std::uint32_t max_leaf_size, LeafTerm leaf_term, std::uint32_t subtree_size)
-      : lbvh_(lbvh),
-        sweeps_([&positions, measure, max_leaf_size, leaf_term] {
-          return SweepSplitter(positions, measure, max_leaf_size, leaf_term);
-        }),
-        subtree_size_(subtree_size) {
+  /// @param lbvh   has made `upper`, and stays as long as this
+  /// @param upper  leaves of at most T photons, and stays as long as this
+  HybridSplitter(const LbvhSplitter& lbvh, const LooseTree& upper, const Measure& measure,
+                 std::uint32_t max_leaf_size, LeafTerm leaf_term)
+      : lbvh_(lbvh), upper_(upper), sweeps_([measure, max_leaf_size, leaf_term] {
+          return SweepSplitter(measure, max_leaf_size, leaf_term);
+        }) {
     static_assert(kMaxSubtreeSize <= kTaskPhotons, "a subtree is built by one task");
   }
 
-  Range Root() const { return {lbvh_.Root(), false}; }
+  Range Root() const { return {{0, upper_.root.count, 0}, &upper_.root, 0}; }
 
   std::pair<Range, Range> Split(const Range& range) {
-    if (range.count() > subtree_size_) {
-      const auto [left, right] = lbvh_.Split(range);
-      return {{left, false}, {right, false}};
-    }
+    if (range.upper != nullptr && !range.upper->is_leaf()) return Descend(range);
     PhotonRange swept = range;
-    if (!range.swept) {
-      Sweep().Begin(range, lbvh_.LeafIds(range));
-      swept.depth = SweepDepth(range.cut_level);
+    if (range.upper != nullptr) {
+      Begin(range);
+      swept.depth = SweepDepth(range.levels);
     }
     const auto [left, right] = Sweep().Split(swept);
-    return {{{left, 0, 0}, true}, {{right, 0, 0}, true}};
+    return {{left, nullptr, 0}, {right, nullptr, 0}};
   }
 
   void PutLeaf(const Range& range, LeafPhoton* to) {
-    if (!range.swept) Sweep().Begin(range, lbvh_.LeafIds(range));
+    if (range.upper != nullptr) Begin(range);
     Sweep().PutLeaf(range, to);
   }
 
  private:
+  std::pair<Range, Range> Descend(const Range& range) const {
+    const auto& [left, right] = upper_.nodes[range.upper->link];
+    const std::uint32_t place = range.first + left.count;
+    const std::uint32_t levels = lbvh_.CutLevel(place) + 1;
+    return {{{range.first, place, range.depth + 1}, &left, levels},
+            {{place, range.last, range.depth + 1}, &right, levels}};
+  }
+
   /// The depth that a sweep assumes.
-  static std::uint32_t SweepDepth(int cut_level) {
-    if (cut_level >= static_cast<int>(kLevelIndex)) return kMaxDepth;
-    return std::max(static_cast<std::uint32_t>(cut_level + 1), kMaxDepth - kSweepLevels);
+  static std::uint32_t SweepDepth(std::uint32_t levels) {
+    if (levels > kLevelIndex) return kMaxDepth;
+    return std::max(levels, kMaxDepth - kSweepLevels);
+  }
+
+  void Begin(const Range& range) {
+    Sweep().Begin(range, std::span(upper_.photons).subspan(range.first, range.count()));
   }
 
   /// Of the task that builds the subtree, which is one.
   SweepSplitter& Sweep() { return sweeps_.local(); }
 
-  LbvhSplitter& lbvh_;
+  const LbvhSplitter& lbvh_;
+  const LooseTree& upper_;
   tbb::enumerable_thread_specific<SweepSplitter> sweeps_;
-  const std::uint32_t subtree_size_;
 };
 
 }  // namespace treelight

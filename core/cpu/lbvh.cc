@@ -55,7 +55,8 @@ LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
       code_bits_(static_cast<std::uint32_t>(bits)),
       cancellation_(cancellation),
       ids_(positions.size() / 3),
-      codes_(positions.size() / 3) {
+      codes_(positions.size() / 3),
+      cut_levels_(positions.size() / 3) {
   std::iota(ids_.begin(), ids_.end(), 0u);
   const Box bounds = BoundsOf(positions);
   const unsigned bits_per_axis = code_bits_ / 3;
@@ -66,7 +67,7 @@ LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
 }
 
 LbvhSplitter::Range LbvhSplitter::Root() const {
-  return {{0, static_cast<std::uint32_t>(ids_.size()), 0}, code_bits_, -1};
+  return {{0, static_cast<std::uint32_t>(ids_.size()), 0}, code_bits_};
 }
 
 Vec3 LbvhSplitter::PositionOf(std::uint32_t id) const {
@@ -93,7 +94,7 @@ void LbvhSplitter::SortBy(const PhotonRange& range, const MortonGrid& grid,
   RawVector<CodedPhoton> photons(range.count()), spare;
   tbb::parallel_for(0u, range.count(), [&](std::uint32_t i) {
     const std::uint32_t id = ids_[range.first + i];
-    photons[i] = {static_cast<Code>(MortonCode(PositionOf(id), grid, bits_per_axis)), id};
+    photons[i] = {MortonCode<Code>(PositionOf(id), grid, bits_per_axis), id};
   });
   const auto code = [](const CodedPhoton& photon) { return photon.code; };
   if (range.count() > kTaskPhotons) {
@@ -147,9 +148,9 @@ std::pair<LbvhSplitter::Range, LbvhSplitter::Range> LbvhSplitter::Split(const Ra
   Range whole = range;
   const bool tied = codes_[range.first] == codes_[range.last - 1];
   const Cut cut = tied ? CutTies(whole) : FindCodeCut(whole);
-  const int level = static_cast<int>(cut.level);
-  return {{{range.first, cut.place, range.depth + 1}, whole.level, level},
-          {{cut.place, range.last, range.depth + 1}, whole.level, level}};
+  cut_levels_[cut.place] = static_cast<std::uint8_t>(cut.level);
+  return {{{range.first, cut.place, range.depth + 1}, whole.level},
+          {{cut.place, range.last, range.depth + 1}, whole.level}};
 }
 
 LooseTree BuildLbvh(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,

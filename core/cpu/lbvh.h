@@ -24,7 +24,6 @@ class LbvhSplitter {
  public:
   struct Range : PhotonRange {
     std::uint32_t level = 0;  ///< next free level, see BreakTies of core/gpu/ties.h
-    int cut_level = -1;       ///< of the cut that the range comes from; -1: none
   };
 
   LbvhSplitter(const std::vector<float>& positions, MortonBits bits, MortonLayout layout,
@@ -36,6 +35,8 @@ class LbvhSplitter {
   std::span<const std::uint32_t> LeafIds(const PhotonRange& range) const {
     return std::span(ids_).subspan(range.first, range.count());
   }
+  /// The level of the cut whose right side begins at `place`; kLevelIndex and up: by place.
+  std::uint32_t CutLevel(std::uint32_t place) const { return cut_levels_[place]; }
   void PutLeaf(const PhotonRange& range, LeafPhoton* to) const {
     PutPhotons(positions_, LeafIds(range), to);
   }
@@ -58,8 +59,9 @@ class LbvhSplitter {
   const std::uint32_t max_leaf_size_;
   const std::uint32_t code_bits_;
   const Cancellation& cancellation_;
-  std::vector<std::uint32_t> ids_;    ///< [n] photon at each place
-  std::vector<std::uint64_t> codes_;  ///< [n] code at each place, in the grid of its run
+  std::vector<std::uint32_t> ids_;      ///< [n] photon at each place
+  std::vector<std::uint64_t> codes_;    ///< [n] code at each place, in the grid of its run
+  RawVector<std::uint8_t> cut_levels_;  ///< [n] of the cut before each place, where there is one
 };
 
 /// The whole tree; of one that was cancelled parts, as TopDown leaves them.

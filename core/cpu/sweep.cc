@@ -33,20 +33,17 @@ void ForEachAxis(std::uint32_t count, const Work& work) {
 
 }  // namespace
 
-SweepSplitter::SweepSplitter(const std::vector<float>& positions, const Measure& measure,
-                             std::uint32_t max_leaf_size, LeafTerm leaf_term,
-                             const Cancellation& cancellation)
+SweepSplitter::SweepSplitter(const Measure& measure, std::uint32_t max_leaf_size,
+                             LeafTerm leaf_term, const Cancellation& cancellation)
     : measure_(measure),
       max_leaf_size_(max_leaf_size),
       leaf_term_(leaf_term),
-      positions_(positions),
       cancellation_(cancellation) {}
 
-void SweepSplitter::Begin(const Range& range, std::span<const std::uint32_t> ids) {
+void SweepSplitter::Begin(const Range& range, std::span<const LeafPhoton> photons) {
   first_ = range.first;
-  photons_.resize(ids.size());
-  PutPhotons(positions_, ids, photons_.data());
-  goes_right_.resize(ids.size());
+  photons_.assign(photons.begin(), photons.end());
+  goes_right_.resize(photons.size());
   MakeUnits(range.count());
   ForEachAxis(range.count(), [&](int axis) { SortAxis(axis); });
 }

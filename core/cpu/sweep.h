@@ -28,13 +28,12 @@ class SweepSplitter {
  public:
   using Range = PhotonRange;
 
-  SweepSplitter(const std::vector<float>& positions, const Measure& measure,
-                std::uint32_t max_leaf_size, LeafTerm leaf_term,
+  SweepSplitter(const Measure& measure, std::uint32_t max_leaf_size, LeafTerm leaf_term,
                 const Cancellation& cancellation = kNotCancelled);
 
-  /// Lets `ids` be the photons of the range and sorts them on each axis. Before the first Split;
-  /// what was begun before is forgotten.
-  void Begin(const Range& range, std::span<const std::uint32_t> ids);
+  /// Lets `photons` be those of the range and sorts them on each axis. Before the first Split; what
+  /// was begun before is forgotten.
+  void Begin(const Range& range, std::span<const LeafPhoton> photons);
 
   std::pair<Range, Range> Split(const Range& range);
   void PutLeaf(const Range& range, LeafPhoton* to) const;
@@ -61,7 +60,6 @@ class SweepSplitter {
   const Measure4 measure_;
   const std::uint32_t max_leaf_size_;
   const LeafTerm leaf_term_;
-  const std::vector<float>& positions_;
   const Cancellation& cancellation_;
   std::vector<float> units_;  ///< T(n)
   std::uint32_t first_ = 0;   ///< place where the range that was begun begins

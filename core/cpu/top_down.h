@@ -53,6 +53,13 @@ inline void PutPhotons(const std::vector<float>& positions, std::span<const std:
   for (const std::uint32_t id : ids) *to++ = PhotonAt(positions, id);
 }
 
+/// All photons of `positions`, by index.
+inline RawVector<LeafPhoton> AllPhotons(const std::vector<float>& positions) {
+  RawVector<LeafPhoton> photons(positions.size() / 3);
+  for (std::uint32_t id = 0; id < photons.size(); ++id) photons[id] = PhotonAt(positions, id);
+  return photons;
+}
+
 /// Subtrees of fewer photons are built by one task.
 inline constexpr std::uint32_t kTaskPhotons = 4096;
 

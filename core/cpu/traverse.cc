@@ -12,15 +12,6 @@ struct Child {
   float squared_distance;  ///< of its box
 };
 
-/// Squared distance to the box, rounded as the distance to a photon is: never above that of any
-/// photon of the box.
-float BoxSquaredDistance(const Vec3& q, const Box& box) {
-  const float dx = std::max(std::max(box.min.x - q.x, q.x - box.max.x), 0.0f);
-  const float dy = std::max(std::max(box.min.y - q.y, q.y - box.max.y), 0.0f);
-  const float dz = std::max(std::max(box.min.z - q.z, q.z - box.max.z), 0.0f);
-  return (dx * dx + dy * dy) + dz * dz;
-}
-
 /// Squared distance to the farthest corner of the box.
 float FarSquaredDistance(const Vec3& q, const Box& box) {
   const float dx = std::max(q.x - box.min.x, box.max.x - q.x);

@@ -45,6 +45,14 @@ inline Box MakeBox(const float* min, const float* max) {
   return {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
 }
 
+/// SquaredDistance from `q` to the nearest point of a box: never above that to any point inside.
+inline float BoxSquaredDistance(const Vec3& q, const Box& box) {
+  const float dx = std::max(std::max(box.min.x - q.x, q.x - box.max.x), 0.0f);
+  const float dy = std::max(std::max(box.min.y - q.y, q.y - box.max.y), 0.0f);
+  const float dz = std::max(std::max(box.min.z - q.z, q.z - box.max.z), 0.0f);
+  return (dx * dx + dy * dy) + dz * dz;
+}
+
 /// Whether an axis-aligned plane separates two boxes that are not empty; they may touch it.
 inline bool Separable(const Box& a, const Box& b) {
   for (int axis = 0; axis < 3; ++axis) {
