@@ -4,25 +4,26 @@
 
 namespace treelight::server {
 
-GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context,
-                       const v1::GatherRequest& request, v1::GatherResponse& response)
-    : state_(state),
-      response_(response),
-      call_(state, context, "Gather"),
-      batch_(state, call_, AnswerForm::kMessage) {
-  batch_.Run(request, [this](const absl::Status& status) {
-    if (!status.ok()) return End(status);
+GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context)
+    : state_(state), call_(state, context, "Gather"), batch_(state, call_, AnswerForm::kMessage) {
+  Open();
+}
+
+void GatherCall::Run(const absl::Status& here) {
+  if (!here.ok()) return Ended(here);
+  batch_.Run(request(), [this](const absl::Status& status) {
+    if (!status.ok()) return Ended(status);
     state_.RunOnCpu(batch_.next_bytes(), [this] { Answer(); });
   });
 }
 
 void GatherCall::Answer() {
-  End(Guard([this] { return batch_.WriteNext(response_); }));
+  Ended(Guard([this] { return batch_.WriteNext(response()); }));
 }
 
-void GatherCall::End(const absl::Status& status) {
+void GatherCall::Ended(const absl::Status& status) {
   batch_.Log(status);
-  Finish(call_.End(status));
+  End(call_.End(status));
 }
 
 }  // namespace treelight::server

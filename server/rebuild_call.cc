@@ -5,28 +5,29 @@
 
 namespace treelight::server {
 
-RebuildCall::RebuildCall(State& state, grpc::CallbackServerContext& context,
-                         const v1::RebuildPhotonMapRequest& request,
-                         v1::BuildPhotonMapResponse& response)
-    : state_(state), job_(state, context, "RebuildPhotonMap", response) {
-  job_.record().bytes_in = request.ByteSizeLong();
-  WithNewestMaps(state, [this, &request] { Begin(request); });
+RebuildCall::RebuildCall(State& state, grpc::CallbackServerContext& context)
+    : state_(state), job_(state, context, "RebuildPhotonMap", response()) {
+  Open();
 }
 
-void RebuildCall::Begin(const v1::RebuildPhotonMapRequest& request) {
+void RebuildCall::Run(const absl::Status& status) {
+  if (!status.ok()) return Ended(status);
+  job_.record().bytes_in = request().ByteSizeLong();
+  WithNewestMaps(state_, [this] { Begin(); });
+}
+
+void RebuildCall::Begin() {
   const absl::StatusOr<MapHandle> source =
-      job_.call().admission().ok() ? Prepare(request) : job_.call().admission();
-  if (!source.ok()) {
-    End(source.status());
-    return;
-  }
+      job_.call().admission().ok() ? Prepare() : job_.call().admission();
+  if (!source.ok()) return Ended(source.status());
   // The handle keeps the photons while the call waits, even where the map is deleted.
   job_.Submit([map = *source] { return map->gatherer->ReadPhotons(); },
-              [this](const absl::Status& status) { End(status); });
+              [this](const absl::Status& status) { Ended(status); });
 }
 
 /// The map whose photons are taken, with room for another one; null where none is needed.
-absl::StatusOr<MapHandle> RebuildCall::Prepare(const v1::RebuildPhotonMapRequest& request) {
+absl::StatusOr<MapHandle> RebuildCall::Prepare() {
+  const v1::RebuildPhotonMapRequest& request = this->request();
   RequestRecord& record = job_.record();
   record.options = request.options();
   record.map = request.new_name().empty() ? request.name() : request.new_name();

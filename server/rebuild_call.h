@@ -1,25 +1,24 @@
 #ifndef TREELIGHT_SERVER_REBUILD_CALL_H_
 #define TREELIGHT_SERVER_REBUILD_CALL_H_
 
-#include "grpcpp/support/server_callback.h"
 #include "server/build_job.h"
+#include "server/late_unary.h"
 #include "treelight/v1/photon_map.pb.h"
 
 namespace treelight::server {
 
-/// A RebuildPhotonMap call: has the photons of a map, read back from its device, built anew. Owns
-/// itself: made by the service, gone with OnDone.
-class RebuildCall final : public grpc::ServerUnaryReactor {
+/// A RebuildPhotonMap call: has the photons of a map, read back from its device, built anew.
+class RebuildCall final
+    : public LateUnary<v1::RebuildPhotonMapRequest, v1::BuildPhotonMapResponse> {
  public:
-  RebuildCall(State& state, grpc::CallbackServerContext& context,
-              const v1::RebuildPhotonMapRequest& request, v1::BuildPhotonMapResponse& response);
-
-  void OnDone() override { delete this; }
+  RebuildCall(State& state, grpc::CallbackServerContext& context);
 
  private:
-  void Begin(const v1::RebuildPhotonMapRequest& request);
-  absl::StatusOr<MapHandle> Prepare(const v1::RebuildPhotonMapRequest& request);
-  void End(const absl::Status& status) { Finish(job_.End(status)); }
+  Call& call() override { return job_.call(); }
+  void Run(const absl::Status& status) override;
+  void Begin();
+  absl::StatusOr<MapHandle> Prepare();
+  void Ended(const absl::Status& status) { End(job_.End(status)); }
 
   State& state_;
   BuildJob job_;

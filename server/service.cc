@@ -1,5 +1,6 @@
 #include "server/service.h"
 
+#include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
@@ -9,6 +10,7 @@
 #include "server/catalogue.h"
 #include "server/gather_call.h"
 #include "server/gather_stream.h"
+#include "server/late_unary.h"
 #include "server/rebuild_call.h"
 
 namespace treelight::server {
@@ -20,41 +22,44 @@ enum class Where {
   kOnDisk,   ///< on the thread of the disk, where there is a data folder
 };
 
-/// A call that needs no device. Owns itself, gone with OnDone.
-class QuickCall final : public grpc::ServerUnaryReactor {
+/// A call that needs no device.
+template <typename Request, typename Response>
+class QuickCall final : public LateUnary<Request, Response> {
  public:
-  /// Answers with `handle(state, request, response)`.
-  template <typename Request, typename Response>
+  /// Writes the response, or says why there is none.
+  using Handle = absl::Status (*)(State&, const Request&, Response&);
+
   QuickCall(State& state, grpc::CallbackServerContext& context, std::string_view method,
-            absl::Status (*handle)(State&, const Request&, Response&), const Request& request,
-            Response& response, Where where = Where::kInStore)
-      : call_(state, context, method) {
-    auto answer = [this, &state, handle, &request, &response] {
-      Answer(state, handle, request, response);
-    };
-    if (where == Where::kOnDisk && state.snapshots != nullptr) {
-      state.disk.Submit(std::move(answer));
+            Handle handle, Where where)
+      : state_(state), call_(state, context, method), handle_(handle), where_(where) {
+    this->Open();
+  }
+
+ private:
+  Call& call() override { return call_; }
+
+  void Run(const absl::Status& status) override {
+    if (!status.ok()) return Answer(status);
+    auto answer = [this] { Answer(call_.admission()); };
+    if (where_ == Where::kOnDisk && state_.snapshots != nullptr) {
+      state_.disk.Submit(std::move(answer));
     } else {
-      WithNewestMaps(state, std::move(answer));
+      WithNewestMaps(state_, std::move(answer));
     }
   }
 
-  void OnDone() override { delete this; }
-
- private:
-  template <typename Request, typename Response>
-  void Answer(State& state, absl::Status (*handle)(State&, const Request&, Response&),
-              const Request& request, Response& response) {
+  void Answer(absl::Status status) {
+    const Request& request = this->request();
+    Response& response = this->response();
     RequestRecord record = call_.NewRecord();
     if constexpr (requires { request.version(); }) {
       record.map = request.name();
       record.version = request.version();
     }
-    absl::Status status = call_.admission();
     if constexpr (requires { request.name(); }) {
       if (status.ok()) status = call_.CheckRoute(request.name());
     }
-    if (status.ok()) status = handle(state, request, response);
+    if (status.ok()) status = handle_(state_, request, response);
     if constexpr (std::is_same_v<Response, v1::PhotonMap>) {
       if (status.ok()) record.version = response.version();
     }
@@ -62,62 +67,68 @@ class QuickCall final : public grpc::ServerUnaryReactor {
     record.bytes_out = status.ok() ? response.ByteSizeLong() : 0;
     record.timings.set_total_us(watch_.microseconds());
     call_.Log(record, status);
-    Finish(call_.End(status));
+    this->End(call_.End(status));
   }
 
+  State& state_;
   Call call_;
+  const Handle handle_;
+  const Where where_;
   const Stopwatch watch_;
 };
 
+/// Index of a method of the service, as its stubs count them.
+int IndexOf(const std::string& method) {
+  const auto& file = *v1::BuildHeader::descriptor()->file();
+  return file.FindServiceByName("PhotonMapService")->FindMethodByName(method)->index();
+}
+
 }  // namespace
+
+/// `make(state, context, method)` makes the LateUnary that handles `method`.
+template <typename Request, typename Response, typename Make>
+void PhotonMapService::HandleLate(const std::string& method, Make make) {
+  const int index = IndexOf(method);
+  MarkMethodStreamed(index, nullptr);
+  MarkMethodCallback(index, new grpc::internal::CallbackBidiHandler<Request, Response>(
+                                [this, method, make](grpc::CallbackServerContext* context)
+                                    -> grpc::ServerBidiReactor<Request, Response>* {
+                                  return make(state_, *context, method);
+                                }));
+}
+
+PhotonMapService::PhotonMapService(State& state) : state_(state) {
+  HandleLate<v1::RebuildPhotonMapRequest, v1::BuildPhotonMapResponse>(
+      "RebuildPhotonMap", [](State& all, grpc::CallbackServerContext& context, const auto&) {
+        return new RebuildCall(all, context);
+      });
+  HandleLate<v1::GatherRequest, v1::GatherResponse>(
+      "Gather", [](State& all, grpc::CallbackServerContext& context, const auto&) {
+        return new GatherCall(all, context);
+      });
+  const auto quick = [this]<typename Request, typename Response>(
+                         const char* name,
+                         absl::Status (*handle)(State&, const Request&, Response&), Where where) {
+    HandleLate<Request, Response>(
+        name, [handle, where](State& all, grpc::CallbackServerContext& context,
+                              const std::string& method) {
+          return new QuickCall<Request, Response>(all, context, method, handle, where);
+        });
+  };
+  quick("GetPhotonMap", server::GetPhotonMap, Where::kInStore);
+  quick("ListPhotonMaps", server::ListPhotonMaps, Where::kInStore);
+  quick("DeletePhotonMap", server::DeletePhotonMap, Where::kOnDisk);
+  quick("GetServerInfo", server::GetServerInfo, Where::kInStore);
+}
 
 grpc::ServerReadReactor<v1::BuildPhotonMapRequest>* PhotonMapService::BuildPhotonMap(
     grpc::CallbackServerContext* context, v1::BuildPhotonMapResponse* response) {
   return new BuildCall(state_, *context, *response);
 }
 
-grpc::ServerUnaryReactor* PhotonMapService::RebuildPhotonMap(
-    grpc::CallbackServerContext* context, const v1::RebuildPhotonMapRequest* request,
-    v1::BuildPhotonMapResponse* response) {
-  return new RebuildCall(state_, *context, *request, *response);
-}
-
-grpc::ServerUnaryReactor* PhotonMapService::Gather(grpc::CallbackServerContext* context,
-                                                   const v1::GatherRequest* request,
-                                                   v1::GatherResponse* response) {
-  return new GatherCall(state_, *context, *request, *response);
-}
-
 grpc::ServerBidiReactor<v1::GatherRequest, v1::GatherResponse>* PhotonMapService::GatherStream(
     grpc::CallbackServerContext* context) {
   return new server::GatherStream(state_, *context);
-}
-
-grpc::ServerUnaryReactor* PhotonMapService::GetPhotonMap(grpc::CallbackServerContext* context,
-                                                         const v1::GetPhotonMapRequest* request,
-                                                         v1::PhotonMap* response) {
-  return new QuickCall(state_, *context, "GetPhotonMap", server::GetPhotonMap, *request, *response);
-}
-
-grpc::ServerUnaryReactor* PhotonMapService::ListPhotonMaps(grpc::CallbackServerContext* context,
-                                                           const v1::ListPhotonMapsRequest* request,
-                                                           v1::ListPhotonMapsResponse* response) {
-  return new QuickCall(state_, *context, "ListPhotonMaps", server::ListPhotonMaps, *request,
-                       *response);
-}
-
-grpc::ServerUnaryReactor* PhotonMapService::DeletePhotonMap(
-    grpc::CallbackServerContext* context, const v1::DeletePhotonMapRequest* request,
-    v1::DeletePhotonMapResponse* response) {
-  return new QuickCall(state_, *context, "DeletePhotonMap", server::DeletePhotonMap, *request,
-                       *response, Where::kOnDisk);
-}
-
-grpc::ServerUnaryReactor* PhotonMapService::GetServerInfo(grpc::CallbackServerContext* context,
-                                                          const v1::GetServerInfoRequest* request,
-                                                          v1::ServerInfo* response) {
-  return new QuickCall(state_, *context, "GetServerInfo", server::GetServerInfo, *request,
-                       *response);
 }
 
 }  // namespace treelight::server
