@@ -61,16 +61,14 @@ absl::StatusOr<BuildPlan> ParseBuildHeader(const v1::BuildHeader& header, const 
   }
   const auto time_to_live = ParseTimeToLive("header.time_to_live_ms", header.time_to_live_ms());
   if (!time_to_live.ok()) return time_to_live.status();
-  const auto options = ParseBuildOptions(header.options());
-  if (!options.ok()) return options.status();
-  const auto automatic = ParseAutoBuild(header.options());
-  if (!automatic.ok()) return automatic.status();
+  const auto build = ParseBuild(header.options());
+  if (!build.ok()) return build.status();
   return BuildPlan{.name = header.name(),
                    .photon_count = header.photon_count(),
                    .has_powers = header.has_powers(),
                    .has_directions = header.has_directions(),
-                   .options = *options,
-                   .automatic = *automatic,
+                   .options = build->options,
+                   .automatic = build->automatic,
                    .time_to_live = *time_to_live,
                    .request_id = header.request_id()};
 }
@@ -84,16 +82,14 @@ absl::StatusOr<BuildPlan> ParseRebuild(const v1::RebuildPhotonMapRequest& reques
   }
   const auto time_to_live = ParseTimeToLive("time_to_live_ms", request.time_to_live_ms());
   if (!time_to_live.ok()) return time_to_live.status();
-  const auto options = ParseBuildOptions(request.options());
-  if (!options.ok()) return options.status();
-  const auto automatic = ParseAutoBuild(request.options());
-  if (!automatic.ok()) return automatic.status();
+  const auto build = ParseBuild(request.options());
+  if (!build.ok()) return build.status();
   return BuildPlan{.name = request.new_name().empty() ? source.name : request.new_name(),
                    .photon_count = source.gatherer->photon_count(),
                    .has_powers = source.gatherer->has_powers(),
                    .has_directions = source.gatherer->has_directions(),
-                   .options = *options,
-                   .automatic = *automatic,
+                   .options = build->options,
+                   .automatic = build->automatic,
                    .time_to_live = *time_to_live,
                    .request_id = request.request_id()};
 }

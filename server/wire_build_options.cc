@@ -102,9 +102,22 @@ absl::StatusOr<LeafTerm> ParseLeafTerm(v1::LeafTerm leaf_term) {
   }
 }
 
+/// INVALID_ARGUMENT: expected_k is out of range.
+absl::StatusOr<std::optional<AutoBuild>> ParseAutoBuild(const v1::BuildOptions& wire) {
+  if (wire.builder() != v1::BUILDER_KIND_AUTO) return std::nullopt;
+  AutoBuild automatic{.expected_gathers = wire.expected_gathers(),
+                      .max_leaf_size = wire.max_leaf_size()};
+  if (wire.has_expected_k()) automatic.expected_k = wire.expected_k();
+  if (wire.morton_bits() != 0) automatic.morton_bits = static_cast<MortonBits>(wire.morton_bits());
+  if (automatic.expected_k <= kMaxNeighbors) return automatic;
+  return absl::InvalidArgumentError(
+      fmt::format("options.expected_k is {}, it must be in [0, {}], 0 for gathers within a radius",
+                  automatic.expected_k, kMaxNeighbors));
+}
+
 }  // namespace
 
-absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire) {
+absl::StatusOr<AskedBuild> ParseBuild(const v1::BuildOptions& wire) {
   const auto builder = ParseBuilder(wire.builder());
   if (!builder.ok()) return builder.status();
   const auto heuristic = ParseHeuristic(wire.heuristic());
@@ -128,19 +141,13 @@ absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire) {
     return absl::InvalidArgumentError(
         fmt::format("options.{}, or 0 for the default", std::string(status.message())));
   }
-  return options;
+  return AskedBuild{options, *automatic};
 }
 
-absl::StatusOr<std::optional<AutoBuild>> ParseAutoBuild(const v1::BuildOptions& wire) {
-  if (wire.builder() != v1::BUILDER_KIND_AUTO) return std::nullopt;
-  AutoBuild automatic{.expected_gathers = wire.expected_gathers(),
-                      .max_leaf_size = wire.max_leaf_size()};
-  if (wire.has_expected_k()) automatic.expected_k = wire.expected_k();
-  if (wire.morton_bits() != 0) automatic.morton_bits = static_cast<MortonBits>(wire.morton_bits());
-  if (automatic.expected_k <= kMaxNeighbors) return automatic;
-  return absl::InvalidArgumentError(
-      fmt::format("options.expected_k is {}, it must be in [0, {}], 0 for gathers within a radius",
-                  automatic.expected_k, kMaxNeighbors));
+absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire) {
+  auto asked = ParseBuild(wire);
+  if (!asked.ok()) return asked.status();
+  return asked->options;
 }
 
 v1::BuildOptions ToWire(const BuildOptions& options, const BuildReport& report) {

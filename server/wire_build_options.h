@@ -11,13 +11,17 @@
 // How a tree is built and what became of it, between the wire (photon_map.proto) and core.
 namespace treelight::server {
 
-/// The options with defaults for what is 0; of BUILDER_KIND_AUTO those that take the most memory.
-/// INVALID_ARGUMENT names field, value and range.
-absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire);
+/// What a build is asked for.
+struct AskedBuild {
+  BuildOptions options;                ///< of BUILDER_KIND_AUTO those that take the most memory
+  std::optional<AutoBuild> automatic;  ///< what BUILDER_KIND_AUTO leaves to be chosen
+};
 
-/// What BUILDER_KIND_AUTO leaves to be chosen; empty for other builders. INVALID_ARGUMENT:
-/// expected_k is out of range.
-absl::StatusOr<std::optional<AutoBuild>> ParseAutoBuild(const v1::BuildOptions& wire);
+/// The options with defaults for what is 0. INVALID_ARGUMENT names field, value and range.
+absl::StatusOr<AskedBuild> ParseBuild(const v1::BuildOptions& wire);
+
+/// AskedBuild::options alone.
+absl::StatusOr<BuildOptions> ParseBuildOptions(const v1::BuildOptions& wire);
 
 /// The fields that the builder reads, with the radius that was used.
 v1::BuildOptions ToWire(const BuildOptions& options, const BuildReport& report);
