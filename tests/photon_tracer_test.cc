@@ -213,6 +213,19 @@ TEST(PhotonTracer, GivesTheSamePhotonsForAnyNumberOfThreads) {
             runs[0].indirect.positions);
 }
 
+TEST(PhotonTracer, GivesTheSamePhotonsFromEmittersThatWereFoundBefore) {
+  const PhotonEmitters emitters(MakeCornell());
+  PhotonTraceOptions options{.indirect_photons = 3'000, .caustic_photons = 2'000, .seed = 7};
+  const TracedPhotons anew = MustTrace(MakeCornell(), options);
+  options.emitters = &emitters;
+  for (int set = 0; set < 2; ++set) {
+    const TracedPhotons found = MustTrace(MakeCornell(), options);
+    EXPECT_EQ(found.indirect.positions, anew.indirect.positions);
+    EXPECT_EQ(found.caustic.positions, anew.caustic.positions);
+    EXPECT_EQ(found.caustic.powers, anew.caustic.powers);
+  }
+}
+
 // The batches are cut where the count is reached: asking for more photons must only add to the end.
 TEST(PhotonTracer, MorePhotonsBeginWithTheFewer) {
   const TracedPhotons few =

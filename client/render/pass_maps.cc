@@ -4,7 +4,6 @@
 
 #include "client/render/gather_radius.h"
 #include "client/render/stopwatch.h"
-#include "client/trace/photon_tracer.h"
 
 namespace treelight::client {
 namespace {
@@ -29,7 +28,8 @@ absl::StatusOr<PassMaps> MakePassMaps(const Intersector& intersector, PhotonMapC
   const auto photons = TracePhotons(intersector, {.indirect_photons = options.indirect_photons,
                                                   .caustic_photons = options.caustic_photons,
                                                   .seed = options.seed,
-                                                  .cancelled = options.cancelled});
+                                                  .cancelled = options.cancelled,
+                                                  .emitters = options.emitters});
   if (!photons.ok()) return photons.status();
   const auto uploaded = UploadMaps(client, *photons, options.upload);
   if (!uploaded.ok()) return uploaded.status();

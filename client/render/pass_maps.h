@@ -8,6 +8,7 @@
 #include "client/render/map_upload.h"
 #include "client/render/photon_renderer.h"
 #include "client/trace/intersector.h"
+#include "client/trace/photon_tracer.h"
 
 namespace treelight::client {
 
@@ -25,7 +26,8 @@ struct PassMapOptions {
   std::uint64_t seed = 1;
   MapUploadOptions upload{};
   FirstRadius indirect{}, caustic{};
-  CancelCheck cancelled{};  ///< while photons are traced
+  CancelCheck cancelled{};                   ///< while photons are traced
+  const PhotonEmitters* emitters = nullptr;  ///< as PhotonTraceOptions
 };
 
 /// The maps of one pass.

@@ -31,7 +31,10 @@ class PilotMaps {
  public:
   PilotMaps(const Intersector& intersector, PhotonMapClient& client,
             const ProgressiveOptions& options)
-      : intersector_(intersector), client_(client), options_(options) {}
+      : intersector_(intersector),
+        client_(client),
+        options_(options),
+        emitters_(intersector.scene()) {}
 
   ~PilotMaps() {
     for (const PassMaps& made : maps_) DeleteMaps(client_, made.maps).IgnoreError();  // they expire
@@ -46,7 +49,8 @@ class PilotMaps {
         .upload = {.name = options_.map_name, .time_to_live = options_.time_to_live},
         .indirect = options_.indirect,
         .caustic = options_.caustic,
-        .cancelled = options_.interrupted};
+        .cancelled = options_.interrupted,
+        .emitters = &emitters_};
     if (!maps_.empty()) {
       make.indirect.given = maps_[0].indirect_radius;
       make.caustic.given = maps_[0].caustic_radius;
@@ -62,6 +66,7 @@ class PilotMaps {
   const Intersector& intersector_;
   PhotonMapClient& client_;
   const ProgressiveOptions& options_;
+  const PhotonEmitters emitters_;
   std::vector<PassMaps> maps_;
 };
 

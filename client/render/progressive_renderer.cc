@@ -58,6 +58,7 @@ class Run {
       : intersector_(intersector),
         client_(client),
         options_(options),
+        emitters_(intersector.scene()),
         radius_(options.constant_passes),
         statistics_(options.pass.width, options.pass.height),
         preview_(options.preview) {}
@@ -114,7 +115,8 @@ class Run {
         .upload = {.name = options_.map_name, .time_to_live = options_.time_to_live},
         .indirect = options_.indirect,
         .caustic = options_.caustic,
-        .cancelled = [this, pass] { return stop_making_ || Interrupted() || TimeIsUp(pass); }};
+        .cancelled = [this, pass] { return stop_making_ || Interrupted() || TimeIsUp(pass); },
+        .emitters = &emitters_};
     if (indirect_radius_) make.indirect.given = indirect_radius_;
     if (caustic_radius_) make.caustic.given = caustic_radius_;
     return std::async(std::launch::async, [this, make = std::move(make)] {
@@ -196,6 +198,7 @@ class Run {
   PhotonMapClient& client_;
   const ProgressiveOptions& options_;
   const Stopwatch begin_;
+  const PhotonEmitters emitters_;
   std::optional<float> indirect_radius_, caustic_radius_;  // of the first pass
   ShrinkingRadius radius_;
   PassStatistics statistics_;

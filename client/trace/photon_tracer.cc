@@ -102,9 +102,10 @@ absl::StatusOr<TraceReport> TracePhotons(const Intersector& intersector,
   if (options.indirect_photons == 0 && options.caustic_photons == 0)
     return absl::InvalidArgumentError("indirect_photons and caustic_photons are 0");
   if (options.max_bounces == 0) return absl::InvalidArgumentError("max_bounces is 0");
-  const Lights lights(intersector.scene());
+  std::optional<PhotonEmitters> own_emitters;
+  if (options.emitters == nullptr) own_emitters.emplace(intersector.scene());
+  const auto& [lights, targets] = own_emitters ? *own_emitters : *options.emitters;
   if (lights.empty()) return absl::FailedPreconditionError("the scene has no light");
-  const Targets targets(intersector.scene());
 
   TraceReport report;
   PhotonPaths paths{.intersector = intersector,

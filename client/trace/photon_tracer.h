@@ -8,6 +8,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "client/trace/intersector.h"
+#include "client/trace/lights.h"
+#include "client/trace/targets.h"
 #include "core/model/photons.h"
 
 namespace treelight::client {
@@ -48,6 +50,15 @@ enum class CausticEmission {
   kUniform,   ///< as those of the indirect set
 };
 
+/// Where the photons of a scene come from and go to, found once for many sets: that of a scene of
+/// 10^6 triangles takes longer than a small set. Immutable; the scene may go.
+struct PhotonEmitters {
+  explicit PhotonEmitters(const Scene& scene) : lights(scene), targets(scene) {}
+
+  Lights lights;
+  Targets targets;
+};
+
 struct PhotonTraceOptions {
   std::uint64_t indirect_photons = 1'000'000;  ///< stored; 0: the set is left out
   std::uint64_t caustic_photons = 200'000;  ///< stored where something makes caustics; 0: left out
@@ -59,6 +70,8 @@ struct PhotonTraceOptions {
   std::function<void(std::uint64_t photons)> progress{};
   /// Asked as often, on the calling thread; true ends tracing.
   std::function<bool()> cancelled{};
+  /// Of the scene, borrowed; null: they are found anew.
+  const PhotonEmitters* emitters = nullptr;
 };
 
 /// What one set of photons took.
