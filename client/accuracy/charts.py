@@ -10,9 +10,6 @@ from chart_style import pyplot, read, save
 
 STYLES = {
     "exact": ("k nearest, exact", "o", "#444444"),
-    "quantized": ("queries of 16 bits", "<", "#888888"),
-    "halves": ("half answers", ">", "#888888"),
-    "quantized_halves": ("both", "h", "#888888"),
     "epsilon": ("(1 + epsilon) nearest", "s", "#1f77b4"),
     "max_leaves": ("budget of leaves", "^", "#d62728"),
     "radius": ("within a radius, exact", "o", "#9467bd"),
@@ -24,6 +21,7 @@ STYLES = {
     "thinned_within": ("random subset, within a radius", "d", "#8fce6a"),
     "error_within": ("an error asked for, within a radius", "*", "#8c1a6a"),
 }
+WIRE = ("quantized", "halves", "quantized_halves")  # what these cost the device is what exact gathers do
 WITHIN = ("radius", "weight_tolerance", "merged_within", "thinned_within", "error_within")
 NUMBERS = ("value", "k", "density_error", "kernel_ns", "picture_rmse", "picture_s", "reference_noise")
 LEAST = 1e-7  # what is exact is drawn here: errors of float's roundings
@@ -83,7 +81,7 @@ def draw(rows, folder, name, time, error, labels):
 def main():
     folder, paths = sys.argv[1], sys.argv[2:]
     rows = [row for path in paths for row in read(path, NUMBERS, ("scene", "knob"))]
-    draw(rows, folder, "density", "kernel_ns", "density_error",
+    draw([row for row in rows if row["knob"] not in WIRE], folder, "density", "kernel_ns", "density_error",
          ("time of a gather on the device, ns", "density, relative RMS error"))
     draw([row for row in rows if row["picture_s"] > 0], folder, "pictures", "picture_s", "picture_rmse",
          ("time of the picture, s", "RMSE against path tracing"))
