@@ -13,14 +13,14 @@ matplotlib.rcParams["font.size"] = 9
 from matplotlib import pyplot  # noqa: E402
 
 
-def read(path, numbers, texts=(), may_be_empty=False):
-    """The rows of a CSV file, `numbers` as floats, or None where one is empty and may be; ends the program, with the place, if
+def read(path, kind, numbers, texts=(), may_be_empty=False):
+    """The rows of the CSV file of `kind`, "a bench", `numbers` as floats, or None where one is empty and may be; ends the program, with the place, if
     a column is missing or a number none."""
     with open(path, newline="") as file:
         reader = csv.DictReader(file)
         for column in (*numbers, *texts):
             if column not in (reader.fieldnames or []):
-                sys.exit(f"{path}:1: the columns are not those of these charts: there is no {column}")
+                sys.exit(f"{path}:1: the columns are not those of {kind}: there is no {column}")
         rows = list(reader)
     for line, row in enumerate(rows, start=2):
         for column in numbers:

@@ -80,7 +80,7 @@ def draw(rows, folder, name, time, error, labels):
 
 def main():
     folder, paths = sys.argv[1], sys.argv[2:]
-    rows = [row for path in paths for row in read(path, NUMBERS, ("scene", "knob"))]
+    rows = [row for path in paths for row in read(path, "an accuracy run", NUMBERS, ("scene", "knob"))]
     draw([row for row in rows if row["knob"] not in WIRE], folder, "density", "kernel_ns", "density_error",
          ("time of a gather on the device, ns", "density, relative RMS error"))
     draw([row for row in rows if row["picture_s"] > 0], folder, "pictures", "picture_s", "picture_rmse",

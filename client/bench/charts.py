@@ -203,7 +203,7 @@ def threads(rows, folder):
 
 
 def main(folder, paths):
-    rows = [row for path in paths for row in read(path, NUMBERS, TEXTS) if row["fresh"] == "0"]
+    rows = [row for path in paths for row in read(path, "a bench", NUMBERS, TEXTS) if row["fresh"] == "0"]
     for chart in (builds, stages, gathers_over_k, gathers_over_photons, threads):
         chart(rows, folder)
 

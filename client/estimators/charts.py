@@ -25,7 +25,7 @@ def read_all(paths):
             kind = file.readline().split(",")[0]
         if kind not in rows:
             sys.exit(f"{path}:1: neither estimators.csv nor sums.csv")
-        rows[kind] += read(path, NUMBERS[kind])
+        rows[kind] += read(path, "the estimators", NUMBERS[kind])
     return rows["place"], rows["method"]
 
 

@@ -48,7 +48,7 @@ def answers(axes, rows):
 
 
 folder = sys.argv[1]
-all_rows = [row for path in sys.argv[2:] for row in read(path, NUMBERS, ("kind", "loop"), may_be_empty=True)]
+all_rows = [row for path in sys.argv[2:] for row in read(path, "a load", NUMBERS, ("kind", "loop"), may_be_empty=True)]
 runs = sorted((row for row in all_rows if row["loop"] == "open" and row["ok"]), key=lambda row: row["offered_per_s"])
 if not runs:
     sys.exit("no run of the open loop (--rates, --sweep) was answered")

@@ -156,8 +156,8 @@ def build_times(summary, all_rows, folder):
 
 
 def main(folder, paths):
-    summary = read(f"{folder}/summary.csv", ())
-    rows = [row for path in paths for row in read(path, ())]
+    summary = read(f"{folder}/summary.csv", "a summary", ())
+    rows = [row for path in paths for row in read(path, "a study", ())]
     table1(summary, folder)
     leaf_sizes(rows, folder)
     build_times(summary, rows, folder)
