@@ -8,9 +8,9 @@
 
 #include "fmt/format.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
-#include "grpcpp/health_check_service_interface.h"
 #include "grpcpp/impl/server_builder_option.h"
 #include "grpcpp/impl/server_builder_plugin.h"
+#include "grpcpp/resource_quota.h"
 #include "grpcpp/security/server_credentials.h"
 #include "grpcpp/server.h"
 #include "grpcpp/server_builder.h"
@@ -18,6 +18,7 @@
 #include "server/address.h"
 #include "server/break_switch.h"
 #include "server/file_watch.h"
+#include "server/health.h"
 #include "server/listening_sockets.h"
 #include "server/metrics_endpoint.h"
 #include "server/persistence.h"
@@ -40,6 +41,9 @@ constexpr int kMaxStreams = 256;
 constexpr int kMaxMetadataBytes = 8192;
 /// Who connects and does not speak HTTP/2, or TLS first, is cut off.
 constexpr int kHandshakeTimeoutMs = 10'000;
+/// Threads of gRPC's own for calls of reflection, each of which keeps one until it ends, and may
+/// have a message on its way; more such calls are refused. Our calls have none.
+constexpr int kMaxReflectionThreads = 8;
 /// How often changed files are looked for.
 constexpr std::chrono::seconds kWatchInterval{1};
 
@@ -54,6 +58,9 @@ void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
+  grpc::ResourceQuota quota;
+  quota.SetMaxThreads(kMaxReflectionThreads);
+  builder.SetResourceQuota(quota);
 }
 
 /// Takes reflection out, which joins every server by being linked: it asks nobody for a token.
@@ -82,11 +89,14 @@ void HandOver(grpc::experimental::ExternalConnectionAcceptor& server, FileHandle
 struct Server::Impl {
   Impl(const ServerOptions& options, std::unique_ptr<Builder> builder,
        std::unique_ptr<RequestLog> log, std::unique_ptr<Tokens> tokens)
-      : state(options, std::move(builder), std::move(log), std::move(tokens)), service(state) {}
+      : state(options, std::move(builder), std::move(log), std::move(tokens)),
+        service(state),
+        health(state.stalls) {}
 
   SocketLock lock;  // first: held until the server has let go of the socket
   State state;
   PhotonMapService service;
+  Health health;
   int port = 0;
   std::unique_ptr<MetricsEndpoint> metrics;  // null where nobody asked for it
   std::unique_ptr<grpc::Server> server;      // its calls use the rest
@@ -125,12 +135,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
     impl->metrics = *std::move(metrics);
   }
 
-  grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder server_builder;
   Configure(options, server_builder);
   if (!options.token_file.empty()) server_builder.SetOption(std::make_unique<WithoutReflection>());
   server_builder.RegisterService(&impl->service);
+  server_builder.RegisterService(&impl->health);
   ListeningSockets sockets;
   if (!options.listen.empty()) {
     auto bound = ListeningSockets::Bind(options.listen, options.socket_mode);
@@ -143,8 +153,6 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   }
   impl->server = server_builder.BuildAndStart();
   if (impl->server == nullptr) return absl::InternalError("gRPC does not start");
-  impl->server->GetHealthCheckService()->SetServingStatus(v1::PhotonMapService::service_full_name(),
-                                                          true);
   if (impl->state.tokens != nullptr) {
     impl->token_watch.emplace(std::vector{options.token_file}, kWatchInterval,
                               [&state = impl->state] { Tell(state.tokens->Reload()); });
@@ -190,7 +198,7 @@ std::shared_ptr<grpc::Channel> Server::InProcessChannel(const grpc::ChannelArgum
 
 void Server::AnnounceEnd() {
   if (Broken("drain_delay")) impl_->state.calls.Close();
-  if (!Broken("health")) impl_->server->GetHealthCheckService()->SetServingStatus(false);
+  if (!Broken("health")) impl_->health.Close();
 }
 
 std::size_t Server::Drain(std::chrono::system_clock::time_point deadline) {

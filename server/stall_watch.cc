@@ -7,12 +7,15 @@
 
 namespace treelight::server {
 
-StallWatch::StallWatch(std::chrono::milliseconds patience)
-    : patience_(patience), thread_([this](const std::stop_token& stop) { Watch(stop); }) {}
+StallWatch::StallWatch(std::chrono::milliseconds patience, std::size_t most)
+    : patience_(patience),
+      most_(most),
+      thread_([this](const std::stop_token& stop) { Watch(stop); }) {}
 
 void StallWatch::Wait(const void* call, std::function<void()> end) {
   const std::lock_guard lock(mutex_);
   waiting_.insert_or_assign(call, Waiting{Clock::now(), std::move(end)});
+  if (waiting_.size() > most_) wake_.notify_all();
 }
 
 void StallWatch::Arrived(const void* call) {
@@ -29,7 +32,9 @@ void StallWatch::Watch(const std::stop_token& stop) {
   const std::chrono::milliseconds pause = std::clamp(patience_ / 8, 5ms, 1000ms);
   std::unique_lock lock(mutex_);
   while (!stop.stop_requested()) {
-    wake_.wait_for(lock, stop, pause, [] { return false; });
+    const bool crowded = waiting_.size() > most_;
+    wake_.wait_for(lock, stop, crowded ? kGrace / 4 : pause,
+                   [&] { return !crowded && waiting_.size() > most_; });
     while (const auto late = TakeLate()) {
       ending_ = late->first;
       lock.unlock();
@@ -43,9 +48,11 @@ void StallWatch::Watch(const std::stop_token& stop) {
 
 std::optional<std::pair<const void*, std::function<void()>>> StallWatch::TakeLate() {
   const auto now = Clock::now();
-  const auto late = std::ranges::find_if(
-      waiting_, [&](const auto& entry) { return now - entry.second.since >= patience_; });
+  const auto late =
+      std::ranges::min_element(waiting_, {}, [](const auto& entry) { return entry.second.since; });
   if (late == waiting_.end() || Broken("stall")) return std::nullopt;
+  const auto allowed = waiting_.size() > most_ ? std::min(kGrace, patience_) : patience_;
+  if (now - late->second.since < allowed) return std::nullopt;
   std::pair taken(late->first, std::move(late->second.end));
   waiting_.erase(late);
   return taken;

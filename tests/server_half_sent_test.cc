@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "grpc/health/v1/health.grpc.pb.h"
+#include "grpcpp/create_channel.h"
 #include "gtest/gtest.h"
 #include "tests/half_sent_calls.h"
 #include "tests/server_process.h"
@@ -41,6 +43,13 @@ std::vector<std::unique_ptr<HalfSentCalls>> Flood(int port, const std::string& p
   return flood;
 }
 
+/// Calls of `flood` that the server has ended.
+int Ended(const std::vector<std::unique_ptr<HalfSentCalls>>& flood) {
+  int ended = 0;
+  for (const auto& connection : flood) ended += connection->ended();
+  return ended;
+}
+
 class ServerHalfSentTest : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(ServerHalfSentTest, CallsOverTheLimitHoldNoRequests) {
@@ -50,10 +59,59 @@ TEST_P(ServerHalfSentTest, CallsOverTheLimitHoldNoRequests) {
   const double before = ResidentMiB(server);
   const auto flood =
       Flood(PortOf(address), std::string("/treelight.v1.PhotonMapService/") + GetParam(), 4, 32);
-  int ended = 0;
-  for (const auto& connection : flood) ended += connection->ended();
-  EXPECT_EQ(ended, 4 * 32 - 4);
+  EXPECT_EQ(Ended(flood), 4 * 32 - 4);
   EXPECT_LT(ResidentMiB(server) - before, 4 * kMessageBytes / kMiB + 40);
+}
+
+/// Health asks for no token, so that its calls are anybody's.
+class HealthHalfSentTest : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(HealthHalfSentTest, RequestsThatNeverEndHoldLittleAndProbesAreServed) {
+  constexpr int kMaxRequests = 16;
+  Process server({"--listen", "127.0.0.1:0", "--log-file", "/dev/null"});
+  const std::string address = server.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << server.err();
+  const double before = ResidentMiB(server);
+  const auto flood =
+      Flood(PortOf(address), std::string("/grpc.health.v1.Health/") + GetParam(), 4, 32);
+  EXPECT_GE(Ended(flood), 4 * 32 - kMaxRequests);
+  EXPECT_LT(ResidentMiB(server) - before, kMaxRequests * kMessageBytes / kMiB + 80);
+
+  // Others come all the time; those that are there are cut off after two seconds.
+  const auto health = grpc::health::v1::Health::NewStub(
+      grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(3);
+  int probes = 0, served = 0;
+  while (std::chrono::steady_clock::now() < end) {
+    HalfSentCalls more(PortOf(address), std::string("/grpc.health.v1.Health/") + GetParam(), 32,
+                       kMessageBytes);
+    for (int i = 0; i < 10; ++i) more.Go(/*wait_ms=*/1);
+    for (const auto& connection : flood) connection->Go(/*wait_ms=*/0);
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(5));
+    grpc::health::v1::HealthCheckResponse response;
+    ++probes;
+    served += health->Check(&context, {}, &response).ok() ? 1 : 0;
+  }
+  EXPECT_GT(probes, 10);
+  EXPECT_EQ(served, probes);
+  EXPECT_EQ(Ended(flood), 4 * 32);
+  EXPECT_LT(ResidentMiB(server) - before, kMaxRequests * kMessageBytes / kMiB + 80);
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, HealthHalfSentTest, ::testing::Values("Check", "Watch"),
+                         [](const auto& test) { return std::string(test.param); });
+
+TEST(ReflectionHalfSentTest, FewMayBeOpen) {
+  constexpr int kMost = 8;
+  Process server({"--listen", "127.0.0.1:0", "--log-file", "/dev/null"});
+  const std::string address = server.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << server.err();
+  const double before = ResidentMiB(server);
+  const auto flood = Flood(PortOf(address),
+                           "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", 4, 32);
+  EXPECT_GE(Ended(flood), 4 * 32 - kMost);
+  EXPECT_LT(ResidentMiB(server) - before, kMost * kMessageBytes / kMiB + 40);
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, ServerHalfSentTest,

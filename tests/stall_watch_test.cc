@@ -1,5 +1,6 @@
 #include "server/stall_watch.h"
 
+#include <array>
 #include <atomic>
 
 #include "gtest/gtest.h"
@@ -23,6 +24,20 @@ TEST(StallWatchTest, EndsWhoStandsStillOnceAndNotBefore) {
   EXPECT_GE(after.load(), 50ms);
   std::this_thread::sleep_for(100ms);
   EXPECT_EQ(ended, 1);
+}
+
+TEST(StallWatchTest, OfTooManyTheOldestIsEnded) {
+  StallWatch watch(std::chrono::hours(1), /*most=*/2);
+  std::array<std::atomic<int>, 4> ended = {};
+  const auto begun = std::chrono::steady_clock::now();
+  for (auto& call : ended) {
+    watch.Wait(&call, [&call] { ++call; });
+    std::this_thread::sleep_for(1ms);
+  }
+  ASSERT_TRUE(treelight::testing::Eventually([&] { return ended[0] + ended[1] == 2; }));
+  EXPECT_GE(std::chrono::steady_clock::now() - begun, StallWatch::kGrace);
+  std::this_thread::sleep_for(2 * StallWatch::kGrace);
+  EXPECT_EQ(ended[2] + ended[3], 0);
 }
 
 TEST(StallWatchTest, WhoMovesIsNotEnded) {
