@@ -14,8 +14,10 @@ from matplotlib import pyplot  # noqa: E402
 
 
 def read(path, kind, numbers, texts=(), may_be_empty=False):
-    """The rows of the CSV file of `kind`, "a bench", `numbers` as floats, or None where one is empty and may be; ends the program, with the place, if
-    a column is missing or a number none."""
+    """The rows of the CSV file of `kind`, "a bench": `numbers` as floats, or None where one is empty and may be.
+
+    Ends the program, with the place, where a column is missing or a number is none.
+    """
     with open(path, newline="") as file:
         reader = csv.DictReader(file)
         for column in (*numbers, *texts):
