@@ -322,7 +322,7 @@ TEST_F(ReplicasTest, AServerThatNginxLeavesOutBeforeItsDrainRefusesNothing) {
   EXPECT_EQ(servers_[kDrained]->Wait(), 0);
   std::this_thread::sleep_for(500ms);  // of load on those that are left
   const auto failures = load.End();
-  EXPECT_THAT(failures, ::testing::IsEmpty());
+  EXPECT_THAT(failures, ::testing::IsEmpty()) << nginx_->err();
   for (const Line& line : Log(kDrained, before[kDrained])) EXPECT_EQ(line.code, "OK");
   std::cout << load.calls() << " calls, " << failures.size() << " failed\n";
 }
