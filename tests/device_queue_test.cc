@@ -92,8 +92,9 @@ class SharedQueue {
  public:
   explicit SharedQueue(std::size_t depth) : queue_(depth) {
     using std::chrono_literals::operator""ms;
-    RunOne(queue_, Work::Gather(8, 1000), 20ms);
-    RunOne(queue_, Work::Build(1000), 20ms);
+    // Long enough that what a busy machine adds is little of it.
+    RunOne(queue_, Work::Gather(8, 10'000), 200ms);
+    RunOne(queue_, Work::Build(10'000), 200ms);
     // The last job's time is taken up when it has ended.
     EXPECT_TRUE(treelight::testing::Eventually([this] { return queue_.backlog().count() == 0; }));
     blocker_.emplace(queue_);
