@@ -9,8 +9,8 @@
 namespace treelight::client {
 namespace {
 
-/// Below this share of its sample a branch no longer splits.
-constexpr float kMinSplitWeight = 0.02f;
+/// Where a part would have less of its sample a branch no longer splits.
+constexpr float kMinSplitShare = 0.02f;
 constexpr std::uint32_t kMaxSpecularHits = 64;
 
 }  // namespace
@@ -43,28 +43,33 @@ void Branches::Scatter(const Branch& branch, const Hit& hit, RandomStream& rando
     const DielectricSplit split = SplitAtHit(branch.ray, hit);
     if (split.refracted) {
       const float r = split.reflectance;
-      return Split(branch, hit, random, split.reflected, {r, r, r}, *split.refracted,
-                   ((1 - r) * split.radiance_scale) * material.transmittance, Event::kSpecular);
+      return Split(branch, hit, random, {.direction = split.reflected, .weight = {r, r, r}},
+                   {.direction = *split.refracted,
+                    .weight = (1 - r) * material.transmittance,
+                    .radiance_scale = split.radiance_scale});
     }
   }
   if (material.surface == Surface::kPane) {
     const PaneSplit split =
         SplitAtPane(-Dot(branch.ray.direction, hit.normal), material.ior, material.transmittance);
-    return Split(branch, hit, random, Reflect(branch.ray.direction, hit.normal), split.reflected,
-                 branch.ray.direction, split.passed, Event::kPassage);
+    return Split(
+        branch, hit, random,
+        {.direction = Reflect(branch.ray.direction, hit.normal), .weight = split.reflected},
+        {.direction = branch.ray.direction, .weight = split.passed, .event = Event::kPassage});
   }
   if (material.surface != Surface::kDiffuse) ScatterOne(branch, hit, random);
 }
 
 void Branches::Split(const Branch& branch, const Hit& hit, RandomStream& random,
-                     const Vec3& mirrored, const Rgb& reflected, const Vec3& onward,
-                     const Rgb& passed, Event passing) {
-  const Rgb a = branch.weight * reflected, b = branch.weight * passed;
-  if (std::min(MaxChannel(a), MaxChannel(b)) < kMinSplitWeight)
+                     const Way& reflected, const Way& passed) {
+  const auto share = [&branch](const Way& way) {
+    return MaxChannel(branch.weight * way.weight) / branch.radiance_scale;
+  };
+  if (std::min(share(reflected), share(passed)) < kMinSplitShare)
     return ScatterOne(branch, hit, random);
   // Interpolated normals may send a direction to the wrong side of its facet: it is absorbed there.
-  if (Dot(mirrored, hit.normal) > 0) Follow(branch, hit, mirrored, a, Event::kSpecular, 0);
-  if (Dot(onward, hit.normal) < 0) Follow(branch, hit, onward, b, passing, 0);
+  if (Dot(reflected.direction, hit.normal) > 0) Follow(branch, hit, reflected);
+  if (Dot(passed.direction, hit.normal) < 0) Follow(branch, hit, passed);
 }
 
 void Branches::ScatterOne(const Branch& branch, const Hit& hit, RandomStream& random) {
@@ -72,20 +77,24 @@ void Branches::ScatterOne(const Branch& branch, const Hit& hit, RandomStream& ra
   const auto scattering =
       SampleScattering(branch.ray, hit, PathFrom::kCamera, u, v, Lobes::kSpecular);
   if (!scattering) return;
-  Follow(branch, hit, scattering->direction,
-         (scattering->radiance_scale * branch.weight) * scattering->weight, scattering->event,
-         scattering->density);
+  Follow(branch, hit,
+         {.direction = scattering->direction,
+          .weight = scattering->weight,
+          .event = scattering->event,
+          .radiance_scale = scattering->radiance_scale,
+          .density = scattering->density});
 }
 
-void Branches::Follow(const Branch& branch, const Hit& hit, const Vec3& direction,
-                      const Rgb& weight, Event event, float density) {
+void Branches::Follow(const Branch& branch, const Hit& hit, const Way& way) {
+  const Rgb weight = way.radiance_scale * (branch.weight * way.weight);
   if (branch.specular_hits + 1 > kMaxSpecularHits || !(MaxChannel(weight) > 0)) return;
-  const bool straight_on = event == Event::kPassage;
-  branches_.push_back({.ray = LeaveSurface(hit, direction),
+  const bool straight_on = way.event == Event::kPassage;
+  branches_.push_back({.ray = LeaveSurface(hit, way.direction),
                        .weight = weight,
                        .specular_hits = branch.specular_hits + 1,
-                       .density = straight_on ? branch.density : density,
-                       .travelled = straight_on ? branch.travelled : 0});
+                       .density = straight_on ? branch.density : way.density,
+                       .travelled = straight_on ? branch.travelled : 0,
+                       .radiance_scale = way.radiance_scale * branch.radiance_scale});
 }
 
 }  // namespace treelight::client
