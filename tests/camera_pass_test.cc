@@ -55,5 +55,58 @@ TEST(CameraPass, NextToALampTheDirectLightHasNoBrightSpecks) {
   }
 }
 
+// A lamp fills the left half of the one pixel.
+TEST(CameraPass, SamplesOfTheSameQuartersSeeTheSameSideOfAnEdge) {
+  Scene scene;
+  scene.materials = {{.name = "lamp", .reflectance = {}, .emission = {1, 1, 1}}};
+  AddQuad({-9, -9, -1}, {0, -9, -1}, {0, 9, -1}, {-9, 9, -1}, 0, scene.mesh);
+  scene.camera = {.position = {0, 0, 0}, .target = {0, 0, -1}, .vertical_fov_degrees = 40};
+  const Intersector intersector = MustIntersect(scene);
+  const Lights lights(intersector.scene());
+  const SampleOrder order(1, 1, 1);
+  const auto sees_lamp = [&](std::uint64_t seed, std::optional<std::uint64_t> quarter_seed) {
+    CameraPassOptions options{.samples_per_pixel = 1, .seed = seed, .quarter_seed = quarter_seed};
+    const CameraRays rays(intersector.scene().camera, 1, 1);
+    return TraceCameraBatch(intersector, lights, rays, order, 0, 1, options).radiance[0].g > 0;
+  };
+  constexpr int kSeeds = 400;
+  int left = 0, anywhere = 0;
+  for (int i = 0; i < kSeeds; ++i) {
+    const bool first = sees_lamp(1, i);
+    left += first;
+    EXPECT_EQ(sees_lamp(i, i), first) << i;
+    anywhere += sees_lamp(i, std::nullopt);
+  }
+  EXPECT_NEAR(left, kSeeds / 2, 50);  // five standard deviations
+  EXPECT_NEAR(anywhere, kSeeds / 2, 50);
+}
+
+// On the axis of a glass sphere, between a lamp behind the camera and the dark: reflectances are
+// those of a slab, R = 0.04 at each side, and R + (1 - R)^2 R / (1 - R^2) of both together. The
+// reflection at the far side is one of 4 %, which every sample has to have: by chance it would be
+// one sample in 25 that is as bright as the lamp.
+TEST(CameraPass, ALampSeenByAReflectionWithinGlassHasNoBrightSpecks) {
+  Scene scene;
+  scene.materials = {
+      {.name = "lamp", .reflectance = {}, .emission = {kRadiance, kRadiance, kRadiance}},
+      {.name = "glass", .surface = Surface::kDielectric, .reflectance = {}, .ior = 1.5f}};
+  AddQuad({-9, -9, 6}, {-9, 9, 6}, {9, 9, 6}, {9, -9, 6}, 0, scene.mesh);  // -z
+  scene.spheres = {{.center = {0, 0, 0}, .radius = 1, .material = 1}};
+  scene.camera = {.position = {0, 0, 5}, .target = {0, 0, 0}, .vertical_fov_degrees = 0.1f};
+  const Intersector intersector = MustIntersect(scene);
+  constexpr int kSide = 64;
+  const SampleOrder order(kSide, kSide, 1);
+  const auto batch = TraceCameraBatch(intersector, Lights(intersector.scene()),
+                                      CameraRays(intersector.scene().camera, kSide, kSide), order,
+                                      0, order.size(), {.samples_per_pixel = 1});
+  double sum = 0;
+  for (const Rgb& radiance : batch.radiance) {
+    sum += radiance.g;
+    EXPECT_LT(radiance.g, 0.1f * kRadiance);
+  }
+  const double expected = kRadiance * (0.04 + 0.96 * 0.96 * 0.04 / (1 - 0.04 * 0.04));
+  EXPECT_NEAR(sum / (kSide * kSide), expected, 0.01 * expected);
+}
+
 }  // namespace
 }  // namespace treelight::client

@@ -24,6 +24,7 @@ namespace treelight::client {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
@@ -148,7 +149,7 @@ TEST_F(ProgressiveCommandTest, APilotPlansPassesForTheError) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(
       outcome.out,
-      AllOf(HasSubstr("pilot: 48"), HasSubstr("plan: "), HasSubstr(" of 0.1 in "),
+      AllOf(ContainsRegex("pilot: [0-9]+ photons"), HasSubstr("plan: "), HasSubstr(" of 0.1 in "),
             HasSubstr(": the target error is reached\n"), HasSubstr("estimated error: 0.0")));
   ExpectPicture(ReadFile(Path("p.png")), 48);
   EXPECT_EQ(MapsLeft(), 0u);
@@ -156,8 +157,9 @@ TEST_F(ProgressiveCommandTest, APilotPlansPassesForTheError) {
       Run("render --photons auto --target-error 0.2 --k 77 --spp 3 --caustic-photons 0 --passes 2 "
           "--width 16 --height 16 --output p.png");
   ASSERT_EQ(given.exit_code, 0) << given.err;
-  EXPECT_THAT(given.out, AllOf(HasSubstr("pilot: 40"), HasSubstr("k 77 and 3 samples a pixel"),
-                               HasSubstr("2 passes in"), HasSubstr("of caustics none")));
+  EXPECT_THAT(given.out,
+              AllOf(ContainsRegex("pilot: [0-9]+ photons"), HasSubstr("k 77 and 3 samples a pixel"),
+                    HasSubstr("2 passes in"), HasSubstr("of caustics none")));
 }
 
 TEST_F(ProgressiveCommandTest, AnInterruptLeavesThePictureAndNoMaps) {

@@ -124,15 +124,17 @@ ProgressiveOptions OptionsOf(const RenderChoice& choice) {
 std::string FormatPlan(const PilotReport& pilot, const PassPlan& plan, double target_error) {
   const PilotFindings& found = pilot.findings;
   return fmt::format(
-      "pilot: {} photons in {:.2f} s; noise of a sample {:.3f}, of {} photons {:.3f}, {:.0f} % of "
-      "it shared by the samples of a pixel\n"
+      "pilot: {} photons in {:.2f} s; noise of a sample {:.3f}, {:.0f} % of its square left within "
+      "a "
+      "quarter of the pixel; of {} photons {:.3f}, {:.0f} % of it shared by the samples of a "
+      "pixel\n"
       "plan: {} passes of {} photons, k {} and {} sample{} a pixel: noise {:.4f} and blur {:.4f}, "
       "error {:.4f} of {:.4g} in {:.2f} s{}\n",
-      pilot.photons, pilot.seconds, std::sqrt(found.camera_variance), found.k,
-      std::sqrt(found.photon_variance), 100 * found.shared, plan.passes, plan.photons, plan.k,
-      plan.samples_per_pixel, plan.samples_per_pixel == 1 ? "" : "s", std::sqrt(plan.variance),
-      std::sqrt(plan.squared_bias), std::sqrt(plan.variance + plan.squared_bias), target_error,
-      plan.seconds,
+      pilot.photons, pilot.seconds, std::sqrt(found.camera_variance), 100 * found.within_quarter,
+      found.k, std::sqrt(found.photon_variance), 100 * found.shared, plan.passes, plan.photons,
+      plan.k, plan.samples_per_pixel, plan.samples_per_pixel == 1 ? "" : "s",
+      std::sqrt(plan.variance), std::sqrt(plan.squared_bias),
+      std::sqrt(plan.variance + plan.squared_bias), target_error, plan.seconds,
       plan.squared_bias < target_error * target_error ? "" : "; radii shrink from there on");
 }
 
@@ -140,15 +142,13 @@ std::string FormatPlan(const PilotReport& pilot, const PassPlan& plan, double ta
 absl::StatusOr<ProgressiveOptions> Plan(const Intersector& scene, PhotonMapClient& client,
                                         const RenderChoice& choice,
                                         const ProgressiveOptions& options) {
-  const auto pilot = RunPilot(scene, client, options);
-  if (!pilot.ok()) return pilot.status();
   PlanLimits limits{.samples_per_pixel = choice.samples_per_pixel};
   if (choice.gives_k) limits.k = choice.render.indirect.k;
-  const auto pixels = std::uint64_t(options.pass.width) * std::uint64_t(options.pass.height);
-  const PassPlan plan = PlanPasses(pilot->findings, options.target_error, pixels, limits);
-  fmt::print("{}", FormatPlan(*pilot, plan, options.target_error));
-  ProgressiveOptions planned = Planned(options, plan);
-  planned.min_passes_of_target = limits.min_passes;
+  const auto found = PlanByPilots(scene, client, options, limits);
+  if (!found.ok()) return found.status();
+  fmt::print("{}", FormatPlan(found->pilot, found->plan, options.target_error));
+  ProgressiveOptions planned = Planned(options, found->plan);
+  planned.min_passes_of_target = limits.MinPasses(found->plan.samples_per_pixel);
   return planned;
 }
 

@@ -48,7 +48,7 @@ class CameraTask {
           randoms.emplace_back(options_.seed, RandomPurpose::kCameraSample,
                                std::uint64_t{place.pixel} * samples + place.sample);
       const float u = random.Uniform(), v = random.Uniform();
-      const auto [x, y] = JitterInPixel(place.sample, samples, u, v);
+      const auto [x, y] = InPixel(place, u, v);
       rays.push_back(
           camera.Through(static_cast<float>(place.x) + x, static_cast<float>(place.y) + y));
       // The samples of a pixel share the strata of its gather rays among them, from a place drawn
@@ -71,6 +71,13 @@ class CameraTask {
   }
 
  private:
+  std::array<float, 2> InPixel(const PixelSample& place, float u, float v) const {
+    if (!options_.quarter_seed)
+      return JitterInPixel(place.sample, options_.samples_per_pixel, u, v);
+    RandomStream random(*options_.quarter_seed, RandomPurpose::kCameraQuarter, place.pixel);
+    return JitterInPixel(static_cast<std::uint32_t>(4 * random.Uniform()), 4, u, v);
+  }
+
   /// Light on its way to a surface, unless its shadow ray meets something.
   struct ShadowRay {
     Segment segment;

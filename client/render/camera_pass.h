@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "client/render/camera_rays.h"
@@ -20,6 +21,9 @@ struct CameraPassOptions {
   float final_gather_min_distance = 0;  ///< scene units: what a gather ray meets nearer is not
                                         ///< looked up there, but one diffuse bounce further
   std::uint64_t seed = 1;               ///< of all random numbers
+  /// Draws a quarter of each pixel in which all of its samples lie: of two pictures with the same
+  /// one, but other seeds, what differs within the quarters. Nothing: they lie in all of the pixel.
+  std::optional<std::uint64_t> quarter_seed{};
 };
 
 /// Where photons are to be gathered, and for which samples.

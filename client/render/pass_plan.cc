@@ -16,6 +16,8 @@ constexpr std::array<std::uint32_t, 9> kNeighbors = {40, 48, 64, 96, 128, 192, 2
 constexpr std::array<std::uint32_t, 7> kSamples = {1, 4, 9, 16, 25, 36, 64};
 constexpr double kMinPhotons = 5e3, kMaxPhotons = 1e7;
 constexpr double kMostPasses = 1e6;
+/// Of the variance that is predicted: where few passes are nearly too few, one more may follow.
+constexpr double kUncertainty = 0.15;
 /// One in so many pixels is probed for blur.
 constexpr double kPixelsPerProbe = RadiusProbe::kStride * RadiusProbe::kStride;
 
@@ -38,6 +40,16 @@ double PassSeconds(const PilotFindings& pilot, const PassPlan& plan, std::uint64
          samples * (pilot.camera_s + GatherSeconds(pilot, plan.k) + probe);
 }
 
+/// Variance by the camera of the mean of `samples` of a pixel. Those that do not fill a square grid
+/// lie anywhere (JitterInPixel).
+double CameraVariance(const PilotFindings& pilot, std::uint32_t samples) {
+  const double edges = std::clamp(2 * (1 - pilot.within_quarter), 0.0, 1.0);
+  const double side = std::floor(std::sqrt(static_cast<double>(samples)));
+  const double cells = side * side;
+  const double of_sum = edges * side + (1 - edges) * cells + (samples - cells);
+  return pilot.camera_variance * of_sum / samples / samples;
+}
+
 /// Completes `plan` with as many passes as the target takes; false: no number is enough.
 bool Complete(const PilotFindings& pilot, double target_error, std::uint64_t pixels,
               std::uint64_t min_passes, PassPlan& plan) {
@@ -48,21 +60,21 @@ bool Complete(const PilotFindings& pilot, double target_error, std::uint64_t pix
   plan.passes =
       std::max(min_passes, static_cast<std::uint64_t>(std::ceil(std::min(passes, kMostPasses))));
   plan.variance = variance / static_cast<double>(plan.passes);
-  plan.seconds = static_cast<double>(plan.passes) * PassSeconds(pilot, plan, pixels);
+  double expected_passes = 0;
+  for (const double factor : {1 - kUncertainty, 1.0, 1 + kUncertainty})
+    expected_passes += std::max(static_cast<double>(min_passes), std::ceil(factor * passes)) / 3;
+  plan.seconds = expected_passes * PassSeconds(pilot, plan, pixels);
   return passes < kMostPasses;
 }
 
 }  // namespace
 
-DifferenceParts SplitDifference(double whole, double quarter) {
-  // whole = curve + rim, quarter = curve / 16 + rim / 2.
-  const double curve = std::max(0.0, (whole - 2 * quarter) / (1 - 2.0 / 16));
-  return {.curve = curve, .rim = std::max({0.0, whole - curve, curve > 0 ? 0.0 : 2 * quarter})};
+std::uint64_t PlanLimits::MinPasses(std::uint32_t samples) const {
+  return std::max(min_passes, (min_samples + samples - 1) / samples);
 }
 
 double PredictSquaredBias(const PilotFindings& pilot, std::uint64_t photons, std::uint32_t k) {
-  const double area = RelativeArea(pilot, photons, k);
-  return (pilot.curve_difference * area * area + pilot.rim_difference * std::sqrt(area)) /
+  return pilot.squared_difference * std::sqrt(RelativeArea(pilot, photons, k)) /
          PassStatistics::kRimShare;
 }
 
@@ -72,8 +84,8 @@ double PredictVariance(const PilotFindings& pilot, std::uint64_t photons, std::u
   const double pixel_area = (1 - pilot.shared) / pilot.shared;
   const double shared = 1 / (1 + pixel_area / RelativeArea(pilot, photons, k));
   const double photon_variance = pilot.photon_variance * pilot.k / k;
-  return photon_variance * shared +
-         (pilot.camera_variance + photon_variance * (1 - shared)) / samples_per_pixel;
+  return photon_variance * shared + photon_variance * (1 - shared) / samples_per_pixel +
+         CameraVariance(pilot, samples_per_pixel);
 }
 
 PassPlan PlanPasses(const PilotFindings& pilot, double target_error, std::uint64_t pixels,
@@ -87,7 +99,7 @@ PassPlan PlanPasses(const PilotFindings& pilot, double target_error, std::uint64
         PassPlan plan{.photons = static_cast<std::uint64_t>(photons),
                       .k = limits.k.value_or(k),
                       .samples_per_pixel = limits.samples_per_pixel.value_or(samples)};
-        if (Complete(pilot, target_error, pixels, limits.min_passes, plan)) {
+        if (Complete(pilot, target_error, pixels, limits.MinPasses(plan.samples_per_pixel), plan)) {
           if (plan.seconds < best.seconds) best = plan;
         } else if (plan.squared_bias < nearest.squared_bias) {
           nearest = plan;

@@ -96,11 +96,13 @@ absl::Status CheckOptions(const PhotonRenderOptions& options) {
   return CheckEstimate("caustic", options.caustic);
 }
 
+/// That the server's device was busy.
+double DeviceSeconds(const GatherCost& cost) { return 1e-6 * (cost.kernel_us + cost.transfer_us); }
+
 }  // namespace
 
 double PhotonRenderedImage::device_s() const {
-  return 1e-6 *
-         (indirect.kernel_us + indirect.transfer_us + caustic.kernel_us + caustic.transfer_us);
+  return DeviceSeconds(indirect) + DeviceSeconds(caustic);
 }
 
 double PhotonRenderedImage::overlap_s() const {
@@ -220,6 +222,8 @@ absl::StatusOr<PhotonRenderedImage> RenderPhotonMaps(const Intersector& intersec
   if (indirect) result.indirect = indirect->cost();
   if (caustic) result.caustic = caustic->cost();
   if (probe) result.radius_difference = probe->Difference();
+  if (indirect_probe) result.probe_s += DeviceSeconds(indirect_probe->cost());
+  if (caustic_probe) result.probe_s += DeviceSeconds(caustic_probe->cost());
   result.seconds = begin.Seconds();
   return result;
 }

@@ -55,6 +55,7 @@ struct PhotonRenderedImage {
   double camera_s = 0;     ///< of them camera rays were traced; the server gathers meanwhile
   GatherCost indirect{}, caustic{};  ///< without those of the probe
   Image radius_difference;           ///< RadiusProbe::Difference; no pixels unless it was asked for
+  double probe_s = 0;                ///< that the server's device was busy with the probe
 
   /// That sending and taking answers waited for the server, while the camera may have traced.
   double wait_s() const { return indirect.wait_s + caustic.wait_s; }

@@ -6,22 +6,21 @@
 #include <vector>
 
 #include "client/render/radius_probe.h"
-#include "client/render/shrinking_radius.h"
 #include "client/render/stopwatch.h"
 #include "client/trace/random.h"
 
 namespace treelight::client {
 namespace {
 
-constexpr std::uint64_t kPilotPhotons = 20'000;
-constexpr std::uint32_t kPilotNeighbors = 96;
-constexpr double kPilotPixels = 4096;
 constexpr std::uint64_t kFirstSeed = std::uint64_t{1} << 62;  // passes that no run gets to
-constexpr double kDark = 0.01;                                // as ImageError::relative_mse
+/// A larger pilot is made for a plan that takes so many times as long as the small one.
+constexpr double kWorthwhile = 40;
+constexpr double kDark = 0.01;  // as ImageError::relative_mse
 
 /// Distance of the pixels that are looked at: 1, or even, so that the probe looks at all of them.
-int PilotStride(int width, int height) {
-  const double distance = std::sqrt(static_cast<double>(width) * height / kPilotPixels);
+int PilotStride(int width, int height, std::uint64_t pixels) {
+  const double distance =
+      std::sqrt(static_cast<double>(width) * height / static_cast<double>(pixels));
   constexpr int kStride = RadiusProbe::kStride;
   return distance <= 1 ? 1 : static_cast<int>(std::ceil(distance / kStride)) * kStride;
 }
@@ -70,18 +69,22 @@ class PilotMaps {
   std::vector<PassMaps> maps_;
 };
 
+/// Camera rays of a picture: which, and in which quarters of the pixels.
+struct PilotRays {
+  std::uint64_t camera = 0, quarters = 0;
+};
+
 absl::StatusOr<PhotonRenderedImage> RenderPilot(const Intersector& intersector,
                                                 PhotonMapClient& client, const PassMaps& maps,
                                                 const ProgressiveOptions& options, int stride,
-                                                std::uint64_t camera, double squared_scale) {
+                                                const PilotRays& rays) {
   PhotonRenderOptions render = options.pass;
   if (maps.indirect_radius) render.indirect.radius = *maps.indirect_radius;
   if (maps.caustic_radius) render.caustic.radius = *maps.caustic_radius;
-  render.indirect = Shrink(render.indirect, squared_scale);
-  render.caustic = Shrink(render.caustic, squared_scale);
   render.pixel_stride = stride;
   render.camera.samples_per_pixel = 1;
-  render.camera.seed = PassSeed(options.seed, kFirstSeed + camera);
+  render.camera.seed = PassSeed(options.seed, kFirstSeed + rays.camera);
+  render.camera.quarter_seed = PassSeed(options.seed, kFirstSeed + rays.quarters);
   if (maps.indirect_radius) render.camera.final_gather_min_distance = render.indirect.radius;
   render.probe_radii = true;
   render.preview = {};
@@ -95,16 +98,16 @@ double Product(const Rgb& a, const Rgb& b, const Rgb& mean) {
   return one(a.r, b.r, mean.r) + one(a.g, b.g, mean.g) + one(a.b, b.b, mean.b);
 }
 
-/// Pictures of two maps (rows) with two sets of camera rays, at the pilot's area; and of both maps,
-/// each with rays of its own, at a quarter of it.
+/// Pictures of two maps (rows) with two sets of camera rays, at the pilot's area; of the first with
+/// other rays in the quarters of the first set.
 struct PilotPictures {
   std::array<std::array<PhotonRenderedImage, 2>, 2> whole;
-  std::array<PhotonRenderedImage, 2> quarter;
+  PhotonRenderedImage same_quarters;
 };
 
 void FindErrors(const PilotPictures& pictures, int stride, PilotFindings& findings) {
-  double photons = 0, shared = 0, samples = 0, pixels = 0;
-  double whole = 0, quarter = 0, probed = 0;
+  double photons = 0, shared = 0, samples = 0, in_quarters = 0, pixels = 0;
+  double blurred = 0, probed = 0;
   const auto& [a, b] = pictures.whole;
   const Image& first = a[0].image;
   constexpr int kProbe = RadiusProbe::kStride;
@@ -124,6 +127,8 @@ void FindErrors(const PilotPictures& pictures, int stride, PilotFindings& findin
       shared += Product(by_photons_1, by_photons_2, mean) / 2;
       samples +=
           (Product(by_camera_a, by_camera_a, mean) + Product(by_camera_b, by_camera_b, mean)) / 4;
+      const Rgb in_quarter = a1 - pictures.same_quarters.image.pixels[i];
+      in_quarters += Product(in_quarter, in_quarter, mean) / 2;
       if (x % kProbe != 0 || y % kProbe != 0) continue;
       ++probed;
       const auto at = [&](const PhotonRenderedImage& picture) {
@@ -132,73 +137,86 @@ void FindErrors(const PilotPictures& pictures, int stride, PilotFindings& findin
                                  std::size_t(x / kProbe)];
       };
       // Neither photons nor rays are the same in the factors: noise of the differences goes away.
-      whole += (Product(at(a[0]), at(b[1]), mean) + Product(at(a[1]), at(b[0]), mean)) / 2;
-      quarter += Product(at(pictures.quarter[0]), at(pictures.quarter[1]), mean);
+      blurred += (Product(at(a[0]), at(b[1]), mean) + Product(at(a[1]), at(b[0]), mean)) / 2;
     }
   }
   const auto mean_of = [](double sum, double count) { return std::max(0.0, sum) / (3 * count); };
   findings.photon_variance = mean_of(photons, pixels);
   findings.shared = photons > 0 ? std::clamp(shared / photons, 0.01, 1.0) : 1;
   // What the rays alone change is noise of the camera and of the photons that are not shared.
-  findings.camera_variance = mean_of(samples - (1 - findings.shared) * photons, pixels);
-  const DifferenceParts parts = SplitDifference(mean_of(whole, probed), mean_of(quarter, probed));
-  findings.curve_difference = parts.curve;
-  findings.rim_difference = parts.rim;
+  const double unshared = (1 - findings.shared) * photons;
+  findings.camera_variance = mean_of(samples - unshared, pixels);
+  findings.within_quarter =
+      samples > unshared ? std::clamp((in_quarters - unshared) / (samples - unshared), 0.0, 1.0)
+                         : 1;
+  findings.squared_difference = mean_of(blurred, probed);
 }
 
 void FindTimes(const PilotPictures& pictures, int stride, PilotFindings& findings) {
-  const Image& image = pictures.quarter[0].image;
-  const auto along = [stride](int pixels) { return (pixels + stride - 1) / stride; };
-  const double samples = static_cast<double>(along(image.width)) * along(image.height);
-  // The least of several: what else runs on the machine makes them longer.
-  const auto least = [](double a, double b) { return std::max(0.0, std::min(a, b)); };
   const auto& [a, b] = pictures.whole;
-  const auto& [c, d] = pictures.quarter;
-  findings.camera_s = least(c.camera_s, d.camera_s) / samples;
-  findings.gather_s =
-      least(least(a[0].device_s(), a[1].device_s()), least(b[0].device_s(), b[1].device_s())) /
-      samples;
-  findings.quarter_gather_s = least(c.device_s(), d.device_s()) / samples;
-  const auto rest = [](const PhotonRenderedImage& picture) {
-    return picture.seconds - picture.camera_s - picture.device_s();
+  const auto along = [stride](int pixels) { return (pixels + stride - 1) / stride; };
+  const double samples = static_cast<double>(along(a[0].image.width)) * along(a[0].image.height);
+  // The least of several: what else runs on the machine makes them longer.
+  const auto least = [&](auto seconds) {
+    return std::max(0.0, std::min({seconds(a[0]), seconds(a[1]), seconds(b[0]), seconds(b[1])}));
   };
-  findings.pass_s = least(rest(c), rest(d));
+  using Picture = PhotonRenderedImage;
+  findings.camera_s = least([](const Picture& p) { return p.camera_s; }) / samples;
+  findings.gather_s = least([](const Picture& p) { return p.device_s(); }) / samples;
+  findings.quarter_gather_s = least([](const Picture& p) { return p.probe_s; }) / samples;
+  findings.pass_s =
+      least([](const Picture& p) { return p.seconds - p.camera_s - p.device_s() - p.probe_s; });
 }
 
 }  // namespace
 
 absl::StatusOr<PilotReport> RunPilot(const Intersector& intersector, PhotonMapClient& client,
-                                     const ProgressiveOptions& options) {
+                                     const ProgressiveOptions& options, const PilotSize& size) {
   const Stopwatch begin;
   PilotReport report;
-  report.findings.photons = kPilotPhotons;
-  report.findings.k = kPilotNeighbors;
+  report.findings.photons = size.photons;
+  report.findings.k = size.k;
   const ProgressiveOptions pilot =
-      Planned(options, {.photons = kPilotPhotons, .k = kPilotNeighbors, .samples_per_pixel = 1});
-  const int stride = PilotStride(pilot.pass.width, pilot.pass.height);
+      Planned(options, {.photons = size.photons, .k = size.k, .samples_per_pixel = 1});
+  const int stride = PilotStride(pilot.pass.width, pilot.pass.height, size.pixels);
   PilotMaps maps(intersector, client, pilot);
   PilotPictures pictures;
   for (const int set : {0, 1}) {
     if (auto status = maps.Make(); !status.ok()) return status;
     report.photons += maps[set].photons;
-    const auto render = [&](std::uint64_t camera, double squared_scale) {
-      return RenderPilot(intersector, client, maps[set], pilot, stride, camera, squared_scale);
+    const auto render = [&](const PilotRays& rays, PhotonRenderedImage& to) {
+      auto picture = RenderPilot(intersector, client, maps[set], pilot, stride, rays);
+      if (picture.ok()) to = *std::move(picture);
+      return picture.status();
     };
-    for (const int camera : {0, 1}) {
-      auto picture = render(camera, 1);
-      if (!picture.ok()) return picture.status();
-      pictures.whole[set][camera] = *std::move(picture);
-    }
-    auto picture = render(set, 0.25);
-    if (!picture.ok()) return picture.status();
-    pictures.quarter[set] = *std::move(picture);
+    auto status = render({.camera = 0, .quarters = 0}, pictures.whole[set][0]);
+    if (status.ok()) status = render({.camera = 1, .quarters = 1}, pictures.whole[set][1]);
+    if (status.ok() && set == 0)
+      status = render({.camera = 2, .quarters = 0}, pictures.same_quarters);
+    if (!status.ok()) return status;
   }
   FindErrors(pictures, stride, report.findings);
   FindTimes(pictures, stride, report.findings);
   report.findings.photon_s =
-      std::min(maps[0].seconds, maps[1].seconds) / static_cast<double>(kPilotPhotons);
+      std::min(maps[0].seconds, maps[1].seconds) / static_cast<double>(size.photons);
   report.seconds = begin.Seconds();
   return report;
+}
+
+absl::StatusOr<PilotPlan> PlanByPilots(const Intersector& intersector, PhotonMapClient& client,
+                                       const ProgressiveOptions& options,
+                                       const PlanLimits& limits) {
+  const auto pixels = std::uint64_t(options.pass.width) * std::uint64_t(options.pass.height);
+  PilotPlan planned;
+  for (const PilotSize& size : {kSmallPilot, PilotSize{}}) {
+    auto pilot = RunPilot(intersector, client, options, size);
+    if (!pilot.ok()) return pilot.status();
+    planned.plan = PlanPasses(pilot->findings, options.target_error, pixels, limits);
+    pilot->photons += planned.pilot.photons, pilot->seconds += planned.pilot.seconds;
+    planned.pilot = *std::move(pilot);
+    if (planned.plan.seconds < kWorthwhile * planned.pilot.seconds) break;
+  }
+  return planned;
 }
 
 ProgressiveOptions Planned(const ProgressiveOptions& options, const PassPlan& plan) {

@@ -22,6 +22,7 @@ enum class RandomPurpose : std::uint32_t {
   kFinalGather,
   kFeatures,
   kPass,
+  kCameraQuarter,
 };
 
 /// The random numbers of one path. They depend on seed, purpose and index alone, so paths may be
