@@ -238,6 +238,36 @@ TEST_F(TreelightWithServerTest, ARenderIsNearItsReference) {
   EXPECT_LT(rmse, 0.2);  // 0.08 to 0.09: values above white at the rim of the lamp weigh most
 }
 
+// The same room with a painted wall and with a mirror: a map of caustics is made where something
+// focuses light, and nowhere else.
+TEST_F(TreelightWithServerTest, ACausticMapIsMadeOnlyWhereSomethingIsSpecular) {
+  std::ofstream(Path("room.json")) << R"({
+    "new_materials": {"floor": {"reflectance": 0.5}, "wall": {"reflectance": 0.5}},
+    "quads": [{"center": [0, 0, 0], "size": [4, 4], "material": "floor"},
+              {"center": [0, 2, -2], "size": [4, 4], "normal": [0, 0, 1], "material": "wall"}],
+    "lights": [{"type": "area", "center": [0, 4, 0], "direction": [0, -1, -0.5], "size": [1, 1],
+                "radiance": [9, 9, 9]}],
+    "cameras": [{"name": "front", "position": [0, 2, 5], "target": [0, 1, 0],
+                 "vertical_fov_degrees": 60}]})";
+  const auto render = [this](const std::string& name, const std::string& more) {
+    const Outcome outcome =
+        Run("render --scene room.json --width 8 --height 8 --spp 1 --photons 2000 --keep-map "
+            "--output p.png --map-name " +
+            name + more);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return outcome.out;
+  };
+  const std::string mirror = " --material wall:surface=mirror";
+  EXPECT_THAT(render("painted", " --caustic-photons 400"), HasSubstr("caustic map: none, since "));
+  EXPECT_THAT(render("mirror", " --caustic-photons 400" + mirror), Not(HasSubstr("none, since")));
+  EXPECT_THAT(render("unwanted", " --caustic-photons 0" + mirror), Not(HasSubstr("none, since")));
+  std::set<std::string> names;
+  const auto maps = nlohmann::json::parse(Run("maps list --json").out);
+  for (const auto& map : maps.at("maps")) names.insert(map.at("name"));
+  EXPECT_THAT(names, ::testing::ElementsAre("mirror.caustic", "mirror.indirect", "painted.indirect",
+                                            "unwanted.indirect"));
+}
+
 // Whoever reads the preview while it is rendered gets a whole picture, and the last one is the
 // picture itself.
 TEST_F(TreelightWithServerTest, APreviewIsValidAtAllTimes) {
