@@ -134,6 +134,11 @@ TEST_P(EveryTreeKind, ReportsItself) {
   EXPECT_EQ(map->report().tree.isa_cost,
             radius > 0 ? HeuristicCost(*map->ReadTree(), Heuristic::kIsa, radius) : 0);
   EXPECT_GE(plain.leaf_count, 1009u / 8);
+  const auto& stages = map->report().stages;
+  ASSERT_GE(stages.size(), 2u);
+  EXPECT_EQ(stages[stages.size() - 2].stage, "tree");
+  EXPECT_EQ(stages.back().stage, "pack");
+  EXPECT_GT(stages.back().microseconds, 0);
 }
 
 TEST_P(EveryTreeKind, ReportsTheCostAtTheRadiusOfItsOptions) {

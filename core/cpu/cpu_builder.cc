@@ -1,10 +1,10 @@
 #include "core/cpu/cpu_builder.h"
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
 
 #include "core/cpu/bounds.h"
+#include "core/cpu/clock.h"
 #include "core/cpu/gather_radius.h"
 #include "core/cpu/hybrid.h"
 #include "core/cpu/lbvh.h"
@@ -18,11 +18,6 @@ namespace treelight {
 namespace {
 
 using Positions = std::vector<float>;
-using Clock = std::chrono::steady_clock;
-
-double MicrosecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double, std::micro>(Clock::now() - start).count();
-}
 
 /// One build: what it is asked for, and what it has found out.
 class CpuBuild {

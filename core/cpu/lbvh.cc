@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <numeric>
 
 #include "core/cpu/bounds.h"
 #include "core/cpu/median.h"
@@ -57,7 +56,8 @@ LbvhSplitter::LbvhSplitter(const std::vector<float>& positions, MortonBits bits,
       ids_(positions.size() / 3),
       codes_(positions.size() / 3),
       cut_levels_(positions.size() / 3) {
-  std::iota(ids_.begin(), ids_.end(), 0u);
+  tbb::parallel_for(std::size_t{0}, ids_.size(),
+                    [&](std::size_t i) { ids_[i] = static_cast<std::uint32_t>(i); });
   const Box bounds = BoundsOf(positions);
   const unsigned bits_per_axis = code_bits_ / 3;
   SortByCodes(Root(),

@@ -59,8 +59,8 @@ class LbvhSplitter {
   const std::uint32_t max_leaf_size_;
   const std::uint32_t code_bits_;
   const Cancellation& cancellation_;
-  std::vector<std::uint32_t> ids_;      ///< [n] photon at each place
-  std::vector<std::uint64_t> codes_;    ///< [n] code at each place, in the grid of its run
+  RawVector<std::uint32_t> ids_;        ///< [n] photon at each place
+  RawVector<std::uint64_t> codes_;      ///< [n] code at each place, in the grid of its run
   RawVector<std::uint8_t> cut_levels_;  ///< [n] of the cut before each place, where there is one
 };
 

@@ -1,12 +1,12 @@
 #include "core/cpu/tree_gatherer.h"
 
 #include <atomic>
-#include <chrono>
 #include <mutex>
 #include <span>
 #include <utility>
 
 #include "core/cpu/batch_gather.h"
+#include "core/cpu/clock.h"
 #include "core/cpu/simd/packed_search.h"
 #include "core/cpu/traverse.h"
 #include "core/model/power_moments.h"
@@ -18,11 +18,11 @@ namespace {
 class TreeGatherer : public Gatherer {
  public:
   TreeGatherer(Photons photons, Tree tree, BuildReport report, Instructions instructions)
-      : photons_(std::move(photons)),
-        tree_(std::move(tree)),
-        report_(std::move(report)),
-        search_(MakePackedSearch(tree_, instructions)) {
+      : photons_(std::move(photons)), tree_(std::move(tree)), report_(std::move(report)) {
     photons_.positions = {};  // the tree has them
+    const auto start = Clock::now();
+    search_ = MakePackedSearch(tree_, instructions);
+    report_.stages.push_back({"pack", MicrosecondsSince(start)});
     report_.tree = ComputeStatistics(tree_, report_.radius);
     report_.device_bytes = tree_.nodes.size() * (sizeof(Node) + 2 * sizeof(std::uint32_t)) +
                            tree_.photons.size() * sizeof(LeafPhoton) + search_->bytes() +
@@ -33,7 +33,7 @@ class TreeGatherer : public Gatherer {
   absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
                                       const CancelCheck& cancelled) const override {
     if (const auto status = CheckGather(*this, queries, options); !status.ok()) return status;
-    const auto start = std::chrono::steady_clock::now();
+    const auto start = Clock::now();
     auto result = (options.outputs & kOutputStatistics) == 0
                       ? GatherBatch({*search_, photons_, Bounds(),
                                      options.approximation.weight_tolerance > 0 && has_powers()
@@ -42,8 +42,7 @@ class TreeGatherer : public Gatherer {
                                     queries, options, cancelled)
                       : GatherPlainly(queries, options, cancelled);
     if (!result.ok()) return result;
-    const auto end = std::chrono::steady_clock::now();
-    result->times.kernel_us = std::chrono::duration<double, std::micro>(end - start).count();
+    result->times.kernel_us = MicrosecondsSince(start);
     return result;
   }
 
@@ -103,7 +102,7 @@ class TreeGatherer : public Gatherer {
   Photons photons_;  ///< without positions
   const Tree tree_;
   BuildReport report_;
-  const std::unique_ptr<PackedSearch> search_;
+  std::unique_ptr<PackedSearch> search_;
   mutable std::once_flag moments_once_;
   mutable std::vector<PowerMoments> moments_;
 };

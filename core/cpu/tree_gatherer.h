@@ -10,7 +10,7 @@ namespace treelight {
 
 /// Answers gathers by searching `tree` on the CPU, by TBB in the arena of the caller.
 /// @param photons       what the tree was built over
-/// @param report        its `tree` is computed here
+/// @param report        its `tree` is computed here, and the stage "pack" added
 /// @param instructions  vector instructions that this processor has
 std::unique_ptr<Gatherer> MakeTreeGatherer(
     Photons photons, Tree tree, BuildReport report,

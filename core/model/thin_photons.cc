@@ -25,6 +25,9 @@ Photons ThinPhotons(const Photons& photons, std::uint32_t group_size) {
   const std::vector<std::size_t> chosen = Chosen(photons.size(), group_size);
   const double rescale = static_cast<double>(photons.size()) / static_cast<double>(chosen.size());
   Photons kept;
+  kept.positions.reserve(3 * chosen.size());
+  kept.powers.reserve(3 * chosen.size());
+  if (!photons.directions.empty()) kept.directions.reserve(2 * chosen.size());
   for (const std::size_t photon : chosen) {
     for (std::size_t i = 3 * photon; i < 3 * photon + 3; ++i) {
       kept.positions.push_back(photons.positions[i]);

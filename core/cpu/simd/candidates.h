@@ -148,14 +148,15 @@ class Candidates {
   bool is_full_ = false;
 };
 
-/// Puts each candidate at the place that is the number of those nearer. False, and nothing done,
-/// where two are at one distance.
+/// Sorts candidates by (squared distance, id): puts each at the place that is the number of those
+/// before it. False, and nothing done, where many are at one distance.
 template <typename L>
 bool SortByRank(std::uint32_t count, SearchSpace& space) {
   const float* const distances = space.squared_distances();
   const std::uint32_t* const ids = space.ids();
   float* const sorted_distances = space.spare_squared_distances();
   std::uint32_t* const sorted_ids = space.spare_ids();
+  std::uint32_t ties_left = count / 8;
   for (std::uint32_t i = 0; i < count; ++i) {
     const auto bound = L::All(distances[i]);
     std::uint32_t rank = 0, tied = 0;
@@ -167,7 +168,13 @@ bool SortByRank(std::uint32_t count, SearchSpace& space) {
       rank += BitCount(nearer);
       tied += BitCount(up_to ^ nearer);
     }
-    if (tied > 1) return false;
+    if (tied > 1) {
+      if (ties_left-- == 0) return false;
+      for (std::uint32_t j = 0; j < count; ++j) {
+        const bool is_tied = distances[j] == distances[i], is_smaller = ids[j] < ids[i];
+        rank += static_cast<std::uint32_t>(is_tied & is_smaller);
+      }
+    }
     sorted_distances[rank] = distances[i];
     sorted_ids[rank] = ids[i];
   }

@@ -17,8 +17,8 @@
 namespace treelight {
 namespace {
 
-/// Up to so many candidates are put in order by counting, for each, those before it.
-constexpr std::uint32_t kRankedCandidates = 256;
+/// Up to so many vectors of candidates are put in order by counting, for each, those before it.
+constexpr std::uint32_t kRankedVectors = 16;
 
 /// From so many on, candidates are handed over.
 constexpr std::uint32_t kTakenCandidates = 4096;
@@ -126,7 +126,7 @@ class LaneSearch final : public PackedSearch {
   }
 
   void Sort(std::uint32_t count, SearchSpace& space) const override {
-    if (count > kRankedCandidates || !SortByRank<L>(count, space)) space.Sort(count);
+    if (count > kRankedVectors * L::kWidth || !SortByRank<L>(count, space)) space.Sort(count);
   }
 
   std::size_t bytes() const override { return packed_.bytes(); }

@@ -84,8 +84,8 @@ PackedTree<W>::PackedTree(const Tree& tree) : count_(tree.root.count) {
   y_.resize(padded);
   z_.resize(padded);
   ids_.resize(padded);
-  tbb::parallel_for(std::size_t{0}, tree.photons.size(), [&](std::size_t i) {
-    const LeafPhoton& photon = tree.photons[i];
+  tbb::parallel_for(std::size_t{0}, padded, [&](std::size_t i) {
+    const LeafPhoton photon = i < tree.photons.size() ? tree.photons[i] : LeafPhoton{};
     x_[i] = photon.x;
     y_[i] = photon.y;
     z_[i] = photon.z;

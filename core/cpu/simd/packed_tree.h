@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/cpu/raw_vector.h"
 #include "core/model/tree.h"
 
 namespace treelight {
@@ -54,8 +55,8 @@ class PackedTree {
 
  private:
   std::vector<PackedNode<W>> nodes_;
-  std::vector<float> x_, y_, z_;
-  std::vector<std::uint32_t> ids_;
+  RawVector<float> x_, y_, z_;
+  RawVector<std::uint32_t> ids_;
   std::vector<std::uint32_t> slots_;  // which child of the tree each was: 2 * node + side
   std::uint32_t root_ = 0, count_ = 0;
 };
