@@ -18,10 +18,6 @@
 namespace treelight::server {
 namespace {
 
-/// How often the bytes of a request may be here beside the batch that they are parsed to: as it
-/// came, and once more of one that gRPC has read ahead.
-constexpr std::uint64_t kMessageCopies = 2;
-
 constexpr std::uint64_t kNeighborBytes = sizeof(std::uint32_t) + sizeof(float);
 /// What a CPU searches an uncapped list in, for each neighbour at most: two pairs of arrays that
 /// grow to a power of two, and what they are sorted by. Queries that are searched at once find no
@@ -41,9 +37,11 @@ void Batch::Run(const v1::GatherRequest& request, Done done) {
   Describe(request);
   if (!call_.admission().ok()) return done(call_.admission());
   if (auto status = call_.CheckRoute(request.map()); !status.ok()) return done(status);
-  const auto admitted = TakeMemory(
-      Holder::kMessages, kMessageCopies * record_.bytes_in + BatchBytes(request), message_memory_);
+  // As it came, and as it is parsed.
+  const auto admitted =
+      TakeMemory(Holder::kMessages, record_.bytes_in + BatchBytes(request), message_memory_);
   if (!admitted.ok()) return done(admitted);
+  call_.RequestCounted();
   WithNewestMaps(state_, [this, &request, done = std::move(done)] {
     state_.RunOnCpu(record_.bytes_in, [this, &request, done] {
       const auto parsed = Guard([this, &request] { return Parse(request); });

@@ -11,7 +11,7 @@ BuildCall::BuildCall(State& state, grpc::CallbackServerContext& context,
                      v1::BuildPhotonMapResponse& response)
     : state_(state), job_(state, context, "BuildPhotonMap", response) {
   if (job_.call().admission().ok()) {
-    Read();
+    job_.call().AwaitRequest([this] { StartRead(&message_); });
   } else {
     End(job_.call().admission());
   }
@@ -41,6 +41,7 @@ void BuildCall::OnReadDone(bool ok) {
 void BuildCall::Take() {
   if (auto status = TakeMessage(); !status.ok()) return End(status);
   if (message_.has_header()) {
+    job_.call().RequestCounted();                    // room for a message is part of an upload
     WithNewestMaps(state_, [this] { Continue(); });  // another server may have built the map
   } else {
     Continue();

@@ -1,6 +1,7 @@
 #include "server/call.h"
 
 #include <random>
+#include <utility>
 
 #include "fmt/format.h"
 #include "server/break_switch.h"
@@ -67,6 +68,7 @@ absl::Status Call::Admit() {
 
 Call::~Call() {
   ClientMoved();  // nobody ends the call from here on
+  RequestCounted();
   state_.metrics.CallEnded(record_.method, code_, 1e-6 * watch_.microseconds(), received_bytes_,
                            sent_bytes_);
   if (!(Broken("open_calls") && code_ == absl::StatusCode::kCancelled)) state_.calls.Leave();
@@ -93,6 +95,24 @@ void Call::AwaitClient() {
   });
 }
 
+void Call::ClientMoved() {
+  state_.stalls.Arrived(this);
+  state_.turns.Arrived(this);
+}
+
+void Call::AwaitRequest(std::function<void()> read) {
+  state_.turns.Await(
+      this,
+      [this] {
+        late_ = true;
+        context_.TryCancel();
+      },
+      [this, read = std::move(read)](RequestTurns::Turn turn) {
+        turn_ = std::move(turn);
+        read();
+      });
+}
+
 absl::Status Call::Alive() const {
   if (std::chrono::system_clock::now() >= deadline_) {
     return absl::DeadlineExceededError("the deadline of the call has passed; the work was stopped");
@@ -101,6 +121,12 @@ absl::Status Call::Alive() const {
     return absl::CancelledError(
         fmt::format("the client has neither sent nor taken anything for {} ms (--stall-seconds)",
                     state_.stalls.patience().count()));
+  }
+  if (late_) {
+    return absl::CancelledError(fmt::format(
+        "the request was not here after {} ms (--stall-seconds), or after {} ms while of the {} "
+        "that may be on their way at once most were",
+        state_.stalls.patience().count(), RequestTurns::kGrace.count(), state_.turns.most()));
   }
   if (context_.IsCancelled()) return absl::CancelledError("the client has cancelled the call");
   if (abandoned_) return absl::CancelledError("an earlier batch of the stream has failed");

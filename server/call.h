@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -58,7 +59,14 @@ class Call {
   /// From now on the client has to move, until ClientMoved(): a call that stands still for
   /// ServerOptions::stall is cancelled, and Alive() says why.
   void AwaitClient();
-  void ClientMoved() { state_.stalls.Arrived(this); }
+  void ClientMoved();
+
+  /// The same for the first message of the call, whose memory is counted nowhere: `read`, which
+  /// asks gRPC for it, runs once it is the call's turn, see RequestTurns.
+  void AwaitRequest(std::function<void()> read);
+
+  /// That message is counted now, or is small: the turn is over.
+  void RequestCounted() { turn_ = {}; }
 
   /// INVALID_ARGUMENT: the metadata x-treelight-map, by which a balancer has chosen this server, is
   /// there and is not `map`.
@@ -87,7 +95,8 @@ class Call {
   const std::chrono::system_clock::time_point deadline_;
   absl::Status admission_;  // stays, once constructed
   std::atomic<bool> abandoned_ = false;
-  std::atomic<bool> stalled_ = false;
+  std::atomic<bool> stalled_ = false, late_ = false;
+  RequestTurns::Turn turn_;
   RequestRecord record_;
   const Stopwatch watch_;
   // Of what was logged; one thread at a time logs.

@@ -6,7 +6,7 @@ namespace treelight::server {
 
 GatherCall::GatherCall(State& state, grpc::CallbackServerContext& context)
     : state_(state), call_(state, context, "Gather"), batch_(state, call_, AnswerForm::kMessage) {
-  Open();
+  Open(state.options.limits.max_message_bytes);
 }
 
 void GatherCall::Run(const absl::Status& here) {

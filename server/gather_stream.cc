@@ -16,7 +16,19 @@ constexpr std::size_t kBatchesHeld = 2;
 
 GatherStream::GatherStream(State& state, grpc::CallbackServerContext& context)
     : state_(state), call_(state, context, "GatherStream") {
-  Advance([this] { failure_ = call_.admission(); });
+  Advance([this] { failure_ = Admit(); });
+}
+
+/// Takes what a batch may have before it is whole. For as long as the stream is open: gRPC does not
+/// tell when one begins to arrive.
+absl::Status GatherStream::Admit() {
+  if (!call_.admission().ok()) return call_.admission();
+  auto taken =
+      state_.memory.Take(Holder::kMessages, state_.options.limits.max_message_bytes,
+                         "stream: a batch that is on its way", state_.device_queue.RetryDelay());
+  if (!taken.ok()) return taken.status();
+  read_memory_ = *std::move(taken);
+  return absl::OkStatus();
 }
 
 void GatherStream::OnReadDone(bool ok) {

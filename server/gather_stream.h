@@ -44,13 +44,15 @@ class GatherStream final : public grpc::ServerBidiReactor<v1::GatherRequest, v1:
   template <typename Event>
   void Advance(Event event);
   bool Gathering() const;  // needs mutex_
+  absl::Status Admit();
   void Log(const absl::Status& status);
 
   State& state_;
   Call call_;
   const Stopwatch watch_;
-  v1::GatherRequest request_;    // being read
-  v1::GatherResponse response_;  // being written
+  MemoryBudget::Share read_memory_;  // of a batch that is on its way
+  v1::GatherRequest request_;        // being read
+  v1::GatherResponse response_;      // being written
 
   std::mutex mutex_;  // never held when gRPC is called: Finish may end this object
   std::deque<std::unique_ptr<Entry>> entries_;  // guarded by mutex_; the front is answered first

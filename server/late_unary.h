@@ -1,6 +1,9 @@
 #ifndef TREELIGHT_SERVER_LATE_UNARY_H_
 #define TREELIGHT_SERVER_LATE_UNARY_H_
 
+#include <cstddef>
+
+#include "fmt/format.h"
 #include "grpcpp/support/server_callback.h"
 #include "server/call.h"
 
@@ -10,7 +13,8 @@ namespace treelight::server {
 ///
 /// gRPC reads the request of a unary method whole before any handler sees the call, so that whoever
 /// connects can have it hold 4 MiB for each stream, and finish none. Here the method is a stream to
-/// gRPC, and the same on the wire: tokens, --max-calls and --stall-seconds come before the request.
+/// gRPC, and the same on the wire: tokens, --max-calls and a turn (RequestTurns) come before the
+/// request.
 /// Owns itself: made by the service, gone with OnDone.
 template <typename Request, typename Response>
 class LateUnary : public grpc::ServerBidiReactor<Request, Response> {
@@ -18,6 +22,9 @@ class LateUnary : public grpc::ServerBidiReactor<Request, Response> {
   void OnDone() final { delete this; }
 
  protected:
+  /// What a request has that only names things.
+  static constexpr std::size_t kFewBytes = 1 << 16;
+
   /// The call itself.
   virtual Call& call() = 0;
 
@@ -26,12 +33,13 @@ class LateUnary : public grpc::ServerBidiReactor<Request, Response> {
   virtual void Run(const absl::Status& status) = 0;
 
   /// For the end of a constructor: reads the request of a call that is admitted, or comes in a
-  /// drain, whose log tells what was refused; then Run().
-  void Open() {
+  /// drain, whose log tells what was refused; then Run(). Of a request of more than `max_bytes`
+  /// nothing is kept. One of more than kFewBytes is for Run() to count: Call::RequestCounted.
+  void Open(std::size_t max_bytes = kFewBytes) {
+    max_bytes_ = max_bytes;
     const absl::Status& admission = call().admission();
     if (!admission.ok() && !absl::IsUnavailable(admission)) return Run(admission);
-    call().AwaitClient();
-    this->StartRead(&request_);
+    call().AwaitRequest([this] { this->StartRead(&request_); });
   }
 
   /// Ends the call as Call::End says, where that is OK with response().
@@ -49,13 +57,22 @@ class LateUnary : public grpc::ServerBidiReactor<Request, Response> {
  private:
   void OnReadDone(bool ok) final {
     call().ClientMoved();
-    if (ok) return Run(absl::OkStatus());
-    const absl::Status alive = call().Alive();
-    Run(alive.ok()
-            ? absl::InvalidArgumentError("the call has no request, or one that is no message")
-            : alive);
+    if (!ok) {
+      const absl::Status alive = call().Alive();
+      return Run(alive.ok() ? absl::InvalidArgumentError(
+                                  "the call has no request, or one that is no message")
+                            : alive);
+    }
+    const std::size_t bytes = request_.ByteSizeLong();
+    if (bytes <= kFewBytes) call().RequestCounted();
+    if (bytes <= max_bytes_) return Run(absl::OkStatus());
+    Request().Swap(&request_);
+    call().RequestCounted();
+    Run(absl::InvalidArgumentError(fmt::format(
+        "the request has {} bytes, one of this method has {} at most", bytes, max_bytes_)));
   }
 
+  std::size_t max_bytes_ = 0;
   Request request_;
   Response response_;
 };

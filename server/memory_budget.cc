@@ -73,28 +73,34 @@ void MemoryBudget::Share::Release() {
   books_.reset();
 }
 
-MemoryBudget::MemoryBudget(std::uint64_t limit_bytes)
-    : books_(std::make_shared<Books>(limit_bytes)) {}
+MemoryBudget::MemoryBudget(std::uint64_t limit_bytes, std::uint64_t kept_bytes)
+    : books_(std::make_shared<Books>(limit_bytes, kept_bytes)) {
+  assert(kept_bytes <= limit_bytes);
+}
 
 absl::StatusOr<MemoryBudget::Share> MemoryBudget::Take(Holder holder, std::uint64_t bytes,
                                                        std::string_view what,
                                                        std::chrono::milliseconds retry_delay) {
   const std::lock_guard lock(books_->mutex);
-  const std::uint64_t limit = books_->limit_bytes, used = Sum(books_->usage);
-  if ((used <= limit && bytes <= limit - used) || Broken("memory_limit")) {
+  const std::uint64_t room = room_bytes(), used = Sum(books_->usage);
+  if ((used <= room && bytes <= room - used) || Broken("memory_limit")) {
     Of(books_->usage, holder) += bytes;
     return Share(books_, holder, bytes);
   }
-  const bool never = bytes > limit;
+  const bool never = bytes > room;
+  const std::string kept =
+      books_->kept_bytes == 0 ? "" : fmt::format(" and {} kept for requests", books_->kept_bytes);
   return Refuse(Quota::kMemory,
                 fmt::format("{}: {} bytes of the server's memory, the limit is {} "
-                            "(--memory-limit), of which {} are held ({}); {}",
-                            what, bytes, limit, used, Describe(books_->usage),
+                            "(--memory-limit), of which {} are held ({}){}; {}",
+                            what, bytes, limit_bytes(), used, Describe(books_->usage), kept,
                             never ? "ask for less" : "repeat later, or ask for less"),
                 never ? std::nullopt : std::optional(retry_delay));
 }
 
 std::uint64_t MemoryBudget::limit_bytes() const { return books_->limit_bytes; }
+
+std::uint64_t MemoryBudget::room_bytes() const { return books_->limit_bytes - books_->kept_bytes; }
 
 MemoryBudget::Usage MemoryBudget::usage() const {
   const std::lock_guard lock(books_->mutex);

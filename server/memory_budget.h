@@ -62,7 +62,9 @@ class MemoryBudget {
   /// Bytes held, by Holder.
   using Usage = std::array<std::uint64_t, kHolderCount>;
 
-  explicit MemoryBudget(std::uint64_t limit_bytes);
+  /// Of `limit_bytes`, `kept_bytes` are for what is not counted here: requests on their way, which
+  /// RequestTurns bound.
+  explicit MemoryBudget(std::uint64_t limit_bytes, std::uint64_t kept_bytes = 0);
 
   /// RESOURCE_EXHAUSTED with Quota::kMemory: `bytes` do not fit; `what`, "header.photon_count is 5"
   /// say, begins the message. With `retry_delay` as RetryInfo, unless they would not fit an empty
@@ -71,13 +73,13 @@ class MemoryBudget {
                              std::chrono::milliseconds retry_delay);
 
   std::uint64_t limit_bytes() const;
+  std::uint64_t room_bytes() const;  ///< of the limit, less what is kept
   Usage usage() const;
 
  private:
   struct Books {
-    explicit Books(std::uint64_t bytes) : limit_bytes(bytes) {}
-    const std::uint64_t limit_bytes;
-    std::mutex mutex;
+    const std::uint64_t limit_bytes, kept_bytes;
+    std::mutex mutex{};
     Usage usage{};  // guarded by mutex
   };
 

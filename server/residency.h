@@ -43,7 +43,7 @@ auto WithEviction(State& state, std::uint64_t bytes, std::uint64_t room, Take ta
 
 /// The `room` of host memory: on a device with memory of its own, maps that leave give back none.
 inline std::uint64_t HostRoom(const State& state) {
-  return state.maps_in_host_memory() ? state.memory.limit_bytes() : 0;
+  return state.maps_in_host_memory() ? state.memory.room_bytes() : 0;
 }
 
 /// Gives `map` a gatherer whose tree may leave the device: its photons are then with `keeper`, from

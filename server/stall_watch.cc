@@ -7,9 +7,11 @@
 
 namespace treelight::server {
 
-StallWatch::StallWatch(std::chrono::milliseconds patience, std::size_t most)
+StallWatch::StallWatch(std::chrono::milliseconds patience, std::size_t most,
+                       std::chrono::milliseconds grace)
     : patience_(patience),
       most_(most),
+      grace_(grace),
       thread_([this](const std::stop_token& stop) { Watch(stop); }) {}
 
 void StallWatch::Wait(const void* call, std::function<void()> end) {
@@ -33,7 +35,7 @@ void StallWatch::Watch(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   while (!stop.stop_requested()) {
     const bool crowded = waiting_.size() > most_;
-    wake_.wait_for(lock, stop, crowded ? kGrace / 4 : pause,
+    wake_.wait_for(lock, stop, crowded ? grace_ / 4 : pause,
                    [&] { return !crowded && waiting_.size() > most_; });
     while (const auto late = TakeLate()) {
       ending_ = late->first;
@@ -51,7 +53,7 @@ std::optional<std::pair<const void*, std::function<void()>>> StallWatch::TakeLat
   const auto late =
       std::ranges::min_element(waiting_, {}, [](const auto& entry) { return entry.second.since; });
   if (late == waiting_.end() || Broken("stall")) return std::nullopt;
-  const auto allowed = waiting_.size() > most_ ? std::min(kGrace, patience_) : patience_;
+  const auto allowed = waiting_.size() > most_ ? std::min(grace_, patience_) : patience_;
   if (now - late->second.since < allowed) return std::nullopt;
   std::pair taken(late->first, std::move(late->second.end));
   waiting_.erase(late);

@@ -23,12 +23,14 @@ class StallWatch {
   /// How long of too many each may stand still: those who all move stand so but for a moment.
   static constexpr std::chrono::milliseconds kGrace{20};
 
-  /// `patience`: how long a client may stand still. `most`: calls that may wait at once.
-  explicit StallWatch(std::chrono::milliseconds patience, std::size_t most = SIZE_MAX);
+  /// `patience`: how long a client may stand still. `most`: calls that may wait at once; `grace`:
+  /// how long each of too many may.
+  explicit StallWatch(std::chrono::milliseconds patience, std::size_t most = SIZE_MAX,
+                      std::chrono::milliseconds grace = kGrace);
 
   /// From now on the client of `call` is waited for; `end` is called once where that takes longer
-  /// than the patience, or where of more than `most` it has waited longest, and for kGrace. It runs
-  /// on a thread of the watch, which holds nothing meanwhile.
+  /// than the patience, or where of more than `most` it has waited longest, and for the grace. It
+  /// runs on a thread of the watch, which holds nothing meanwhile.
   void Wait(const void* call, std::function<void()> end);
 
   /// The client of `call` has moved, or the call ends. `end` does not run once this returns, except
@@ -49,6 +51,7 @@ class StallWatch {
 
   const std::chrono::milliseconds patience_;
   const std::size_t most_;
+  const std::chrono::milliseconds grace_;
   std::mutex mutex_;
   std::condition_variable_any
       wake_;  // with mutex_: the watch ends, ending_ changed, or too many wait

@@ -22,6 +22,7 @@
 #include "server/open_connections.h"
 #include "server/options.h"
 #include "server/request_log.h"
+#include "server/request_turns.h"
 #include "server/snapshot_folder.h"
 #include "server/stall_watch.h"
 #include "server/tokens.h"
@@ -33,6 +34,13 @@ namespace treelight::server {
 
 class Batch;
 
+/// The budget that `options` give, or the machine.
+inline MemoryBudget MakeMemoryBudget(const ServerOptions& options) {
+  const std::uint64_t limit =
+      options.memory_limit > 0 ? options.memory_limit : DefaultMemoryLimit();
+  return MemoryBudget(limit, TurnBytes(limit, options.limits.max_message_bytes));
+}
+
 /// What all calls share; each part guards itself.
 struct State {
   State(const ServerOptions& server_options, std::unique_ptr<Builder> map_builder,
@@ -41,11 +49,13 @@ struct State {
         builder(std::move(map_builder)),
         log(std::move(request_log)),
         tokens(std::move(caller_tokens)),
-        memory(options.memory_limit > 0 ? options.memory_limit : DefaultMemoryLimit()),
+        memory(MakeMemoryBudget(options)),
         build_slots(options.build_slots),
         connections(AffordableConnections(options.max_connections)),
         calls(options.max_calls),
         stalls(options.stall),
+        turns(options.stall,
+              AffordableTurns(memory.limit_bytes(), options.limits.max_message_bytes)),
         device_queue(options.queue_depth) {}
 
   /// Runs `work` away from gRPC's threads, of which there are few: on a thread of TBB, or at once
@@ -86,6 +96,7 @@ struct State {
   OpenConnections connections;
   ActiveCalls calls;
   StallWatch stalls;
+  RequestTurns turns;
   // As many as TBB has workers; asking for more makes it write a warning to stderr, where the log
   // may go.
   tbb::task_arena cpu{std::max(1, tbb::info::default_concurrency() - 1),

@@ -13,13 +13,18 @@
 
 namespace treelight::testing {
 
-/// A connection to 127.0.0.1 with calls that each send all of their request but its last byte, as
-/// fast as the server takes it, and then stand still. HTTP/2 by hand (RFC 9113): gRPC's own client
-/// sends whole messages.
+/// A connection to 127.0.0.1 with calls that each send all of their request but its last byte, or
+/// far more than a request, as fast as the server takes it, and then stand still. HTTP/2 by hand
+/// (RFC 9113): gRPC's own client sends whole messages.
 class HalfSentCalls {
  public:
   /// `calls` calls of `path` with a request of `message_bytes`.
-  HalfSentCalls(int port, const std::string& path, int calls, std::uint32_t message_bytes) {
+  HalfSentCalls(int port, const std::string& path, int calls, std::uint32_t message_bytes)
+      : HalfSentCalls(port, path, calls, message_bytes, message_bytes + 4) {}  // prefix less a byte
+
+  /// The same with `sent_bytes` instead, zeros after the request: more empty requests.
+  HalfSentCalls(int port, const std::string& path, int calls, std::uint32_t message_bytes,
+                std::uint64_t sent_bytes) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<std::uint16_t>(port));
@@ -32,7 +37,7 @@ class HalfSentCalls {
     for (int i = 0; i < calls; ++i) {
       const std::uint32_t id = 2 * static_cast<std::uint32_t>(i) + 1;
       Send(Frame(kHeaders, kEndHeaders, id, headers));
-      calls_[id] = {.window = kFirstWindow, .unsent = message_bytes + 4};  // prefix less a byte
+      calls_[id] = {.window = kFirstWindow, .unsent = sent_bytes};
     }
     message_prefix_ = std::string(1, '\0') + Number(message_bytes);
   }

@@ -9,6 +9,7 @@
 #include "gtest/gtest.h"
 #include "tests/half_sent_calls.h"
 #include "tests/server_process.h"
+#include "treelight/v1/photon_map.grpc.pb.h"
 
 // What calls hold of the server's memory whose requests never end, by themselves and all together.
 namespace treelight::testing {
@@ -29,6 +30,14 @@ double ResidentMiB(const Process& process) {
 
 int PortOf(const std::string& address) { return std::stoi(address.substr(address.rfind(':') + 1)); }
 
+/// Two seconds of sending.
+void Send(const std::vector<std::unique_ptr<HalfSentCalls>>& flood) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(2);
+  while (std::chrono::steady_clock::now() < end) {
+    for (const auto& connection : flood) connection->Go(/*wait_ms=*/1);
+  }
+}
+
 /// `connections` of `calls` each, after two seconds of sending.
 std::vector<std::unique_ptr<HalfSentCalls>> Flood(int port, const std::string& path,
                                                   int connections, int calls) {
@@ -36,10 +45,7 @@ std::vector<std::unique_ptr<HalfSentCalls>> Flood(int port, const std::string& p
   for (int i = 0; i < connections; ++i) {
     flood.push_back(std::make_unique<HalfSentCalls>(port, path, calls, kMessageBytes));
   }
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(2);
-  while (std::chrono::steady_clock::now() < end) {
-    for (const auto& connection : flood) connection->Go(/*wait_ms=*/1);
-  }
+  Send(flood);
   return flood;
 }
 
@@ -61,6 +67,30 @@ TEST_P(ServerHalfSentTest, CallsOverTheLimitHoldNoRequests) {
       Flood(PortOf(address), std::string("/treelight.v1.PhotonMapService/") + GetParam(), 4, 32);
   EXPECT_EQ(Ended(flood), 4 * 32 - 4);
   EXPECT_LT(ResidentMiB(server) - before, 4 * kMessageBytes / kMiB + 40);
+}
+
+TEST_P(ServerHalfSentTest, CallsThatAreAdmittedStayWithinTheMemoryLimitAndOthersAreServed) {
+  constexpr int kConnections = 4, kCalls = 128;
+  constexpr double kLimitMiB = 64, kWindowMiB = 1.0 / 16;
+  Process server({"--listen", "127.0.0.1:0", "--memory-limit", "64MiB", "--log-file", "/dev/null"});
+  const std::string address = server.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << server.err();
+  const double before = ResidentMiB(server);
+  const auto flood =
+      Flood(PortOf(address), std::string("/treelight.v1.PhotonMapService/") + GetParam(),
+            kConnections, kCalls);
+  const auto stub = v1::PhotonMapService::NewStub(
+      grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+  for (int i = 0; i < 5; ++i) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+    v1::ServerInfo info;
+    const auto status = stub->GetServerInfo(&context, {}, &info);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_LE(info.memory_bytes_used(), info.limits().memory_bytes());
+    for (const auto& connection : flood) connection->Go(/*wait_ms=*/1);
+  }
+  EXPECT_LT(ResidentMiB(server) - before, kLimitMiB + kConnections * kCalls * kWindowMiB + 100);
 }
 
 /// Health asks for no token, so that its calls are anybody's.
@@ -97,6 +127,26 @@ TEST_P(HealthHalfSentTest, RequestsThatNeverEndHoldLittleAndProbesAreServed) {
   EXPECT_EQ(served, probes);
   EXPECT_EQ(Ended(flood), 4 * 32);
   EXPECT_LT(ResidentMiB(server) - before, kMaxRequests * kMessageBytes / kMiB + 80);
+}
+
+TEST(UnreadTest, WhatNoCallReadsStaysWithinItsWindow) {
+  constexpr int kConnections = 60, kCalls = 8;
+  constexpr double kWindowMiB = 1.0 / 16;
+  Process server({"--listen", "127.0.0.1:0", "--log-file", "/dev/null"});
+  const std::string address = server.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << server.err();
+  const double before = ResidentMiB(server);
+  // Calls of health that watch have read the one request that they have.
+  std::vector<std::unique_ptr<HalfSentCalls>> flood;
+  for (int i = 0; i < kConnections; ++i) {
+    flood.push_back(std::make_unique<HalfSentCalls>(PortOf(address), "/grpc.health.v1.Health/Watch",
+                                                    kCalls, /*message_bytes=*/0,
+                                                    /*sent_bytes=*/8'000'000));
+    for (int j = 0; j < 5; ++j) flood.back()->Go(/*wait_ms=*/2);
+  }
+  Send(flood);
+  EXPECT_LT(Ended(flood), kConnections * kCalls);  // some watch
+  EXPECT_LT(ResidentMiB(server) - before, kConnections * kCalls * kWindowMiB + 100);
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, HealthHalfSentTest, ::testing::Values("Check", "Watch"),

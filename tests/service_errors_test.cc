@@ -182,6 +182,18 @@ TEST_F(ServiceErrorsTest, AMessageOverTheLimitIsRefusedAndTheServerLives) {
   EXPECT_EQ(BuildError(upload).substr(0, expected.size()), expected);
 }
 
+TEST_F(ServiceErrorsTest, ARequestThatOnlyNamesAMapIsSmall) {
+  const auto error = [&](std::size_t length) {
+    v1::GetPhotonMapRequest request;
+    request.set_name(std::string(length, 'x'));
+    grpc::ClientContext context;
+    v1::PhotonMap map;
+    return stub_->GetPhotonMap(&context, request, &map).error_message();
+  };
+  EXPECT_EQ(error(65'532), "name: 65532 characters, it must have [1, 128]");
+  EXPECT_EQ(error(65'533), "the request has 65537 bytes, one of this method has 65536 at most");
+}
+
 TEST_F(ServiceErrorsTest, MapsThatAreNotThereAreNamed) {
   v1::GetPhotonMapRequest get;
   get.set_name("nosuch");

@@ -3,6 +3,8 @@
 #include <vector>
 
 #include "gmock/gmock.h"
+#include "tests/gated_builder.h"
+#include "tests/http_get.h"
 #include "tests/server_fixture.h"
 #include "tests/sized_builder.h"
 
@@ -58,6 +60,16 @@ class ServiceResidencyTest : public ServerTest {
     return response.SerializeAsString();
   }
 
+  /// Builds, and waits until what the upload has taken is given back, a moment after the answer.
+  /// With ServerOptions::metrics_listen.
+  void BuildAndWait(const std::string& name, const Photons& photons) {
+    MustBuild(name, photons);
+    EXPECT_TRUE(Eventually([&] {
+      return HttpGet(server_->metrics_port(), "/metrics").find("{holder=\"uploads\"} 0\n") !=
+             std::string::npos;
+    }));
+  }
+
   const std::vector<float> queries_ = MakePoints(20, 9);
 };
 
@@ -82,10 +94,11 @@ TEST_F(ServiceResidencyTest, IdleMapsLeaveTheDeviceForHostMemoryAndComeBack) {
 TEST_F(ServiceResidencyTest, MapsThatLeaveArePaidForWithHostMemoryAndStayWithoutIt) {
   // Room for the photons of one map, 28 B each, beside those of an upload.
   constexpr std::uint64_t kPhotonBytes = 28 * kCount;
+  options_.metrics_listen = "127.0.0.1:0";
   options_.memory_limit = options_.limits.max_message_bytes + 2 * kPhotonBytes + kPhotonBytes / 2;
   StartOn("gpu", kMapBytes + kRest);
-  MustBuild("map0", MakePhotons(kCount, 0));
-  MustBuild("map1", MakePhotons(kCount, 1));
+  BuildAndWait("map0", MakePhotons(kCount, 0));
+  BuildAndWait("map1", MakePhotons(kCount, 1));
   EXPECT_EQ(Resident(), (std::vector<std::string>{"map1"}));
   v1::BuildPhotonMapResponse response;
   const auto status = Build(*stub_, MakeUpload("map2", MakePhotons(kCount, 2)), response);
@@ -98,13 +111,14 @@ TEST_F(ServiceResidencyTest, MapsThatLeaveArePaidForWithHostMemoryAndStayWithout
 }
 
 TEST_F(ServiceResidencyTest, OfAMapOfTheCpuOnlyThePhotonsStay) {
-  options_.memory_limit = 40 << 20;
+  options_.metrics_listen = "127.0.0.1:0";
+  options_.memory_limit = 44 << 20;  // of which a message is kept for a request
   StartOn("cpu", std::uint64_t{1} << 40);
   std::vector<std::string> answers;
   constexpr std::uint32_t kMaps = 8;  // which would hold 51 MB
   for (std::uint32_t i = 0; i < kMaps; ++i) {
     const std::string name = "map" + std::to_string(i);
-    MustBuild(name, MakePhotons(kCount, i));
+    BuildAndWait(name, MakePhotons(kCount, i));
     answers.push_back(Answer(name));
   }
   EXPECT_LT(Resident().size(), kMaps);

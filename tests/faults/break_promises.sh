@@ -51,6 +51,7 @@ queue_depth             breakable_tests       DeviceQueueTest.AFullQueueRefusesA
 refused_build           treelight_faults
 request_id              treelight_faults
 request_id_of_last_life breakable_tests       KeptRequestIdTest.ItStandsForTheSameInTheNextLife
+request_turns           breakable_tests       RequestTurnsTest.AsManyAsAllowedStartAndTheOthersOnceTurnsEnd
 retry_info              breakable_tests       ServiceAdmissionTest.AnUploadThatFitsLaterIsToldWhen
 route                   breakable_tests       ServiceRouteTest.AMapTheMetadataDoesNotNameIsRefused
 same_tree               breakable_tests       ServiceDataTest.MapsComeBackWithAllThatIsToldOfThem:ServiceResidencyTest.IdleMapsLeaveTheDeviceForHostMemoryAndComeBack

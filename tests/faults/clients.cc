@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <optional>
+#include <thread>
 #include <utility>
 
-#include "client/gather_wire.h"
 #include "fmt/format.h"
-#include "grpcpp/create_channel.h"
-#include "grpcpp/security/credentials.h"
+#include "tests/faults/channel.h"
 #include "tests/faults/model.h"
 
 namespace treelight::faults {
@@ -17,33 +16,8 @@ namespace {
 using std::chrono_literals::operator""ms;
 using std::chrono_literals::operator""s;
 
-constexpr std::uint32_t kNameCount = 5;
 constexpr std::size_t kManyMaps = 80;
 constexpr std::chrono::milliseconds kTimeout = 4s;
-
-grpc::ChannelArguments Arguments() {
-  grpc::ChannelArguments arguments;
-  // A connection of its own, which comes back soon.
-  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 20);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
-  arguments.SetMaxReceiveMessageSize(-1);
-  return arguments;
-}
-
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address,
-                                           const grpc::ChannelArguments& arguments = Arguments()) {
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
-}
-
-/// A channel that takes little of an answer that nobody reads.
-std::shared_ptr<grpc::Channel> MakeNarrowChannel(const std::string& address) {
-  grpc::ChannelArguments arguments = Arguments();
-  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
-  arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 65'535);
-  return MakeChannel(address, arguments);
-}
 
 Outcome ToOutcome(const absl::Status& status) {
   switch (status.code()) {
@@ -69,74 +43,7 @@ std::string Told(const absl::Status& status) {
                      std::string(status.message()));
 }
 
-std::string NameOf(std::uint32_t number) { return fmt::format("map{}", number % kNameCount); }
-
 }  // namespace
-
-bool Gate::Enter() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return over_ || !closed_; });
-  if (over_) return false;
-  ++inside_;
-  return true;
-}
-
-void Gate::Leave() {
-  const std::lock_guard lock(mutex_);
-  --inside_;
-  changed_.notify_all();
-}
-
-void Gate::Close() {
-  std::unique_lock lock(mutex_);
-  closed_ = true;
-  changed_.wait(lock, [this] { return inside_ == 0; });
-}
-
-void Gate::Open() {
-  const std::lock_guard lock(mutex_);
-  closed_ = false;
-  changed_.notify_all();
-}
-
-void Gate::End() {
-  const std::lock_guard lock(mutex_);
-  over_ = true;
-  changed_.notify_all();
-}
-
-void Board::Built(const client::MapRef& map) {
-  const std::lock_guard lock(mutex_);
-  built_.push_back(map);
-}
-
-void Board::Deleted(const client::MapRef& map) {
-  const std::lock_guard lock(mutex_);
-  std::erase_if(built_, [&](const client::MapRef& built) {
-    const bool gone = built.name == map.name && (map.version == 0 || built.version == map.version);
-    if (gone) deleted_.push_back(built);
-    return gone;
-  });
-  constexpr std::size_t kRemembered = 64;
-  if (deleted_.size() > kRemembered) deleted_.erase(deleted_.begin(), deleted_.end() - kRemembered);
-}
-
-client::MapRef Board::AnyBuilt(std::mt19937& random) const {
-  const std::lock_guard lock(mutex_);
-  return built_.empty() ? client::MapRef{.name = NameOf(random())}
-                        : built_[random() % built_.size()];
-}
-
-client::MapRef Board::AnyDeleted(std::mt19937& random) const {
-  const std::lock_guard lock(mutex_);
-  return deleted_.empty() ? client::MapRef{.name = NameOf(random())}
-                          : deleted_[random() % deleted_.size()];
-}
-
-std::size_t Board::built_count() const {
-  const std::lock_guard lock(mutex_);
-  return built_.size();
-}
 
 Client::Client(Recorder& recorder, Board& board, const std::string& address, Options options)
     : recorder_(recorder),
@@ -344,66 +251,6 @@ void Client::Audit() {
   for (const Listed& map : ListAll().maps) {
     GatherAll({.name = map.name, .version = map.version});
   }
-}
-
-StuckClients::StuckClients(int port) {
-  const std::string address = fmt::format("127.0.0.1:{}", port);
-  for (const bool upload : {true, false}) {
-    threads_.emplace_back([this, upload, address] {
-      const auto stub = v1::PhotonMapService::NewStub(MakeNarrowChannel(address));
-      upload ? Upload(*stub) : Read(*stub);
-    });
-  }
-}
-
-StuckClients::~StuckClients() {
-  {
-    const std::lock_guard lock(mutex_);
-    over_ = true;
-  }
-  let_go_.notify_all();
-  for (auto& thread : threads_) thread.join();
-}
-
-void StuckClients::WaitUntilLetGo() {
-  std::unique_lock lock(mutex_);
-  let_go_.wait(lock, [this] { return over_; });
-}
-
-void StuckClients::Upload(v1::PhotonMapService::Stub& stub) {
-  grpc::ClientContext context;
-  v1::BuildPhotonMapResponse response;
-  const auto upload = stub.BuildPhotonMap(&context, &response);
-  v1::BuildPhotonMapRequest header;
-  header.mutable_header()->set_name("stuck");
-  header.mutable_header()->set_photon_count(1000);
-  upload->Write(header);
-  WaitUntilLetGo();
-  context.TryCancel();
-  upload->Finish();
-}
-
-/// Takes the first answer of a stream of large ones.
-void StuckClients::Read(v1::PhotonMapService::Stub& stub) {
-  v1::ListPhotonMapsResponse maps;
-  {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + kTimeout);
-    if (!stub.ListPhotonMaps(&context, {}, &maps).ok() || maps.maps().empty()) return;
-  }
-  const QuerySet queries{.count = 5000, .seed = 1, .k = 64, .radius = 1};
-  const auto positions = MakeQueries(queries);
-  const v1::PhotonMap& map = maps.maps(0);
-  const auto batch = client::MakeGatherRequest({.name = map.name(), .version = map.version()}, 0,
-                                               {.positions = positions}, MakeOptions(queries));
-  grpc::ClientContext context;
-  const auto stream = stub.GatherStream(&context);
-  stream->Write(batch);
-  v1::GatherResponse response;
-  stream->Read(&response);
-  WaitUntilLetGo();
-  context.TryCancel();
-  stream->Finish();
 }
 
 }  // namespace treelight::faults

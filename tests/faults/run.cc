@@ -8,11 +8,14 @@
 #include <utility>
 
 #include "fmt/format.h"
+#include "tests/faults/board.h"
 #include "tests/faults/clients.h"
+#include "tests/faults/gate.h"
 #include "tests/faults/print.h"
 #include "tests/faults/proxy.h"
 #include "tests/faults/recorder.h"
 #include "tests/faults/server_life.h"
+#include "tests/faults/stuck_clients.h"
 
 namespace treelight::faults {
 namespace {
