@@ -4,11 +4,14 @@
 #include <arpa/inet.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
+#include <set>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -87,14 +90,34 @@ class Nginx {
     return connected;
   }
 
-  /// Takes a server out, the number of servers for none, as an operator does before a drain.
-  void TakeOut(std::size_t out) {
+  /// Takes a server out, the number of servers for none, as an operator does before a drain, and
+  /// waits until no worker knows it any more; how long that took.
+  std::chrono::milliseconds TakeOut(std::size_t out) {
+    const auto begin = std::chrono::steady_clock::now();
+    const std::set<int> old = Workers();
     Configure(out);
     process_->Signal(SIGHUP);
+    const auto took = [&] {
+      return std::chrono::duration_cast<std::chrono::milliseconds>(
+          std::chrono::steady_clock::now() - begin);
+    };
+    const auto left = [&] {
+      return std::ranges::any_of(Workers(), [&](int worker) { return old.contains(worker); });
+    };
+    while (left() && took() < std::chrono::seconds(60)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return took();
   }
 
  private:
   std::string file() const { return folder_ + "/nginx.conf"; }
+  /// Process ids.
+  std::set<int> Workers() const {
+    const std::string pid = std::to_string(process_->pid());
+    std::ifstream file("/proc/" + pid + "/task/" + pid + "/children");
+    return {std::istream_iterator<int>(file), std::istream_iterator<int>()};
+  }
   void Configure(std::size_t out) const {
     std::string text = configuration_;
     Replace(text, "/tmp/", folder_ + "/");
@@ -105,6 +128,7 @@ class Nginx {
     Replace(text, "worker_processes auto", "worker_processes 2");
     Replace(text, "worker_rlimit_nofile 65536;", "");
     Replace(text, "fail_timeout=5s", "fail_timeout=2s");
+    Replace(text, "keepalive_time 5s", "keepalive_time 500ms");
     for (std::size_t i = 0; i < servers_.size(); ++i) {
       Replace(text, "server treelight-" + std::to_string(i) + ":7543",
               "server " + servers_[i] + (i == out ? " down" : ""));

@@ -1,16 +1,9 @@
 #include <algorithm>
-#include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <iostream>
-#include <map>
-#include <memory>
-#include <mutex>
-#include <random>
-#include <set>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,12 +11,10 @@
 #include "client/photon_map_client.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
-#include "nlohmann/json.hpp"
 #include "tests/faults/nginx.h"
+#include "tests/faults/replicas_fixture.h"
 #include "tests/gated_builder.h"
-#include "tests/server_fixture.h"
 #include "tests/server_process.h"
-#include "tests/temporary_folder.h"
 
 // Three servers on one data folder behind nginx with docker/nginx.conf, all on loopback: one is
 // killed, started again and drained while clients gather and build.
@@ -35,181 +26,10 @@ using std::chrono_literals::operator""s;
 using client::MapRef;
 using client::PhotonMapClient;
 
-constexpr std::size_t kServerCount = 3;
-constexpr std::size_t kMapCount = 30;
-constexpr int kLoadThreads = 4;
-constexpr std::chrono::milliseconds kDrainDelay{2000};
-
-std::string MapName(std::size_t i) { return "map" + std::to_string(i); }
-
 TEST(KubernetesTest, ItsNginxIsThatOfTheFileWithTls) {
   EXPECT_EQ(ManifestConfiguration(), ConfigurationWithTls());
   EXPECT_THAT(ManifestConfiguration(), ::testing::HasSubstr("grpc_ssl_verify on;"));
 }
-
-class ReplicasTest : public ::testing::Test {
- protected:
-  /// What a server has logged.
-  struct Line {
-    std::string method, map, code;
-    std::uint64_t version = 0;
-  };
-
-  static void SetUpTestSuite() { installed_ = std::system("command -v nginx >/dev/null") == 0; }
-
-  void SetUp() override {
-    if (!installed_) {
-      std::cerr << "SKIPPED: nginx is not installed (./setup.sh installs it); nothing is known of "
-                   "replicas behind it\n";
-      GTEST_SKIP() << "nginx is not installed";
-    }
-    std::filesystem::permissions(folder_, std::filesystem::perms(0755));  // for nginx's workers
-    Prepare();
-    std::vector<std::string> addresses;
-    for (std::size_t i = 0; i < kServerCount; ++i) {
-      Start(i, "127.0.0.1:0");
-      addresses_.push_back(servers_[i]->WaitUntilReady());
-      ASSERT_FALSE(addresses_.back().empty()) << servers_[i]->err();
-    }
-    nginx_ = std::make_unique<Nginx>(folder_, addresses_, Configuration());
-    ASSERT_TRUE(nginx_->WaitUntilReady()) << nginx_->err();
-    auto client = PhotonMapClient::Connect(nginx_->address(), Connection(), 20s);
-    ASSERT_TRUE(client.ok()) << client.status();
-    client_ = *std::move(client);
-    for (std::size_t i = 0; i < kMapCount; ++i) {
-      photons_.push_back(MakePhotons(200 + 10 * i, static_cast<std::uint32_t>(i)));
-      const auto built = client_->BuildPhotonMap(MapName(i), photons_[i],
-                                                 {.request_id = "first" + std::to_string(i)});
-      ASSERT_TRUE(built.ok()) << built.status() << nginx_->err();
-      const auto brute_force = MakeBruteForceBuilder()->Build(photons_[i], {});
-      expected_.push_back(*(*brute_force)->Gather({.positions = positions_}, kOptions));
-    }
-  }
-
-  void TearDown() override {
-    nginx_.reset();
-    servers_.clear();
-  }
-
-  /// What differs where the servers want TLS and tokens.
-  virtual void Prepare() {}
-  virtual std::vector<std::string> MoreArguments() const { return {}; }
-  virtual std::string Configuration() const { return ReadText(TREELIGHT_NGINX_CONF); }
-  virtual client::ConnectionOptions Connection() const { return {}; }
-
-  void Start(std::size_t i, const std::string& address) {
-    std::vector<std::string> arguments = {
-        "--listen",   address,    "--data-dir",    folder_ + "/maps",
-        "--log-file", LogFile(i), "--drain-delay", std::to_string(kDrainDelay / 1s)};
-    for (const std::string& argument : MoreArguments()) arguments.push_back(argument);
-    servers_.resize(kServerCount);
-    servers_[i] = std::make_unique<Process>(arguments);
-  }
-  std::string LogFile(std::size_t i) const { return folder_ + "/log" + std::to_string(i); }
-
-  /// Lines of the log of server `i` from the `first` on.
-  std::vector<Line> Log(std::size_t i, std::size_t first = 0) const {
-    std::vector<Line> lines;
-    std::ifstream file(LogFile(i));
-    std::size_t number = 0;
-    for (std::string text; std::getline(file, text);) {
-      if (number++ < first) continue;
-      const auto json = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
-      if (json.is_discarded()) continue;  // cut off by the kill
-      lines.push_back({json.value("method", ""), json.value("map", ""), json.value("code", ""),
-                       json.value("version", std::uint64_t{0})});
-    }
-    return lines;
-  }
-  std::vector<std::size_t> LogLengths() const {
-    std::vector<std::size_t> lengths;
-    for (std::size_t i = 0; i < kServerCount; ++i) lengths.push_back(Lines(ReadText(LogFile(i))));
-    return lengths;
-  }
-  /// Which servers have answered for each map since the logs had `lengths`.
-  std::map<std::string, std::set<std::size_t>> Owners(
-      const std::vector<std::size_t>& lengths) const {
-    std::map<std::string, std::set<std::size_t>> owners;
-    for (std::size_t i = 0; i < kServerCount; ++i) {
-      for (const Line& line : Log(i, lengths[i])) {
-        if (line.code == "OK" && !line.map.empty()) owners[line.map].insert(i);
-      }
-    }
-    return owners;
-  }
-
-  /// Gathers in map `i` and compares with brute force.
-  absl::Status Check(PhotonMapClient& client, std::size_t i) const {
-    const auto answer = client.Gather({.name = MapName(i)}, {.positions = positions_}, kOptions);
-    if (!answer.ok()) return answer.status();
-    if (answer->result.neighbor_ids != expected_[i].neighbor_ids ||
-        answer->result.neighbor_squared_distances != expected_[i].neighbor_squared_distances) {
-      return absl::DataLossError("a wrong answer of " + MapName(i));
-    }
-    return absl::OkStatus();
-  }
-
-  /// Clients that gather in maps by chance, until it goes.
-  class Load {
-   public:
-    using Call = std::function<absl::Status(PhotonMapClient& client, std::size_t map)>;
-    Load(const std::string& address, std::chrono::milliseconds patience, Call call)
-        : call_(std::move(call)) {
-      for (int i = 0; i < kLoadThreads; ++i) {
-        threads_.emplace_back([this, address, patience, i](const std::stop_token& stop) {
-          PhotonMapClient client(address, 20s);
-          client.SetRetryPatience(patience);
-          std::mt19937 random(static_cast<unsigned>(i));
-          while (!stop.stop_requested()) {
-            const auto status = call_(client, random() % kMapCount);
-            ++calls_;
-            const std::lock_guard lock(mutex_);
-            if (!status.ok()) failures_.push_back(status.ToString());
-          }
-        });
-      }
-    }
-    int calls() const { return calls_; }
-    /// Waits until it has made so many more calls that each map was surely asked for.
-    void Run() const {
-      const int end = calls_ + 25 * static_cast<int>(kMapCount);
-      const auto latest = std::chrono::steady_clock::now() + 60s;
-      std::this_thread::sleep_for(500ms);
-      while (calls_ < end && std::chrono::steady_clock::now() < latest) {
-        std::this_thread::sleep_for(5ms);
-      }
-    }
-    /// Ends it; the calls that failed.
-    std::vector<std::string> End() {
-      for (auto& thread : threads_) thread.request_stop();
-      threads_.clear();
-      return failures_;
-    }
-
-   private:
-    const Call call_;
-    std::atomic<int> calls_ = 0;
-    std::mutex mutex_;
-    std::vector<std::string> failures_;  // guarded by mutex_
-    std::vector<std::jthread> threads_;
-  };
-  Load GatherLoad(std::chrono::milliseconds patience = 10s) {
-    return Load(nginx_->address(), patience,
-                [this](PhotonMapClient& client, std::size_t map) { return Check(client, map); });
-  }
-
-  static inline bool installed_ = false;
-  static constexpr GatherOptions kOptions{.k = 5, .outputs = kOutputNeighbors};
-  const std::vector<float> positions_ = MakePoints(3, 99);
-  TemporaryFolder temporary_;
-  const std::string folder_ = temporary_.path();
-  std::vector<std::string> addresses_;
-  std::vector<std::unique_ptr<Process>> servers_;
-  std::unique_ptr<Nginx> nginx_;
-  std::unique_ptr<PhotonMapClient> client_;
-  std::vector<Photons> photons_;
-  std::vector<GatherResult> expected_;
-};
 
 TEST_F(ReplicasTest, OfAServerThatIsKilledOnlyItsMapsMoveAndTheyComeBack) {
   auto lengths = LogLengths();
@@ -318,13 +138,15 @@ TEST_F(ReplicasTest, AServerThatNginxLeavesOutBeforeItsDrainRefusesNothing) {
   auto load = GatherLoad(/*patience=*/0ms);  // what fails is not repeated
   std::this_thread::sleep_for(500ms);        // of load on all
   servers_[kDrained]->Signal(SIGTERM);
-  nginx_->TakeOut(kDrained);  // within the drain delay
+  const auto took = nginx_->TakeOut(kDrained);
   EXPECT_EQ(servers_[kDrained]->Wait(), 0);
   std::this_thread::sleep_for(500ms);  // of load on those that are left
   const auto failures = load.End();
+  EXPECT_LT(took, kDrainDelay);  // by keepalive_time at the latest
   EXPECT_THAT(failures, ::testing::IsEmpty()) << nginx_->err();
   for (const Line& line : Log(kDrained, before[kDrained])) EXPECT_EQ(line.code, "OK");
-  std::cout << load.calls() << " calls, " << failures.size() << " failed\n";
+  std::cout << load.calls() << " calls, " << failures.size() << " failed; taken out after "
+            << took.count() << " ms\n";
 }
 
 /// With TLS on both sides of nginx, by the configuration of the manifest, and tokens.
