@@ -41,8 +41,11 @@ TEST_F(ServiceStallTest, AReaderThatStandsStillIsCutOffAndAnIdleStreamIsNot) {
   const auto stuck = stub_->GatherStream(&stuck_context);
   ASSERT_TRUE(stuck->Write(
       MakeBatch("cloud", MakePoints(8000, 2), {.k = 1000, .outputs = kOutputNeighbors})));
-  ASSERT_TRUE(Eventually([&] { return Info().memory_bytes_used() > 0; }));
-  EXPECT_TRUE(AllGivenBack());  // though nothing was read
+  // Each stream has a message, for the batch that is on its way; the stuck one an answer too.
+  const std::uint64_t idle_bytes = options_.limits.max_message_bytes;
+  ASSERT_TRUE(Eventually([&] { return Info().memory_bytes_used() > 2 * idle_bytes; }));
+  // Given back though nothing was read.
+  EXPECT_TRUE(Eventually([&] { return Info().memory_bytes_used() == idle_bytes; }));
   EXPECT_EQ(stuck->Finish().error_code(), grpc::StatusCode::CANCELLED);
 
   std::this_thread::sleep_for(2 * options_.stall);
@@ -50,6 +53,7 @@ TEST_F(ServiceStallTest, AReaderThatStandsStillIsCutOffAndAnIdleStreamIsNot) {
   EXPECT_TRUE(idle->Read(&part));
   idle->WritesDone();
   EXPECT_TRUE(idle->Finish().ok());
+  EXPECT_TRUE(AllGivenBack());
 }
 
 }  // namespace
