@@ -111,12 +111,12 @@ check() {
   fi
 }
 
-# Two at once: most of the time of a run is spent waiting.
+# Four at once: most of the time of a run is spent waiting.
 running=0
 for promise in "${promises[@]}"; do
   check "$promise" &
   running=$((running + 1))
-  if [ "$running" -ge 2 ]; then
+  if [ "$running" -ge 4 ]; then
     wait -n || failed=1
     running=$((running - 1))
   fi
