@@ -7,14 +7,13 @@
 namespace treelight::client {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, v1::BuilderKind>, 8> kBuilders = {
+constexpr std::array<std::pair<std::string_view, v1::BuilderKind>, 7> kBuilders = {
     {{"lbvh", v1::BUILDER_KIND_LBVH},
      {"treelet", v1::BUILDER_KIND_TREELET},
      {"hybrid", v1::BUILDER_KIND_HYBRID},
      {"trbvh", v1::BUILDER_KIND_TRBVH},
      {"atrbvh", v1::BUILDER_KIND_ATRBVH},
      {"balanced", v1::BUILDER_KIND_BALANCED},
-     {"sliding_midpoint", v1::BUILDER_KIND_SLIDING_MIDPOINT},
      {"karras", v1::BUILDER_KIND_KARRAS}}};
 
 constexpr std::array<std::pair<std::string_view, v1::Heuristic>, 3> kHeuristics = {

@@ -10,8 +10,8 @@
 // What people call builders and heuristics: the names of PhotonMap.builder.
 namespace treelight::client {
 
-/// "lbvh", "treelet", "hybrid", "trbvh", "atrbvh", "balanced", "sliding_midpoint", "karras", and
-/// "sah", "isa", "vvh" for a top-down sweep by that heuristic.
+/// "lbvh", "treelet", "hybrid", "trbvh", "atrbvh", "balanced", "karras", and "sah", "isa",
+/// "vvh" for a top-down sweep by that heuristic.
 std::vector<std::string> BuilderNames();
 
 /// "sah", "isa", "vvh".

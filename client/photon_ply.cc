@@ -74,11 +74,15 @@ absl::StatusOr<int> AddGroup(const PlyReader& reader, const std::string& path,
   return first;
 }
 
-absl::StatusOr<Layout> ChooseLayout(const PlyReader& reader, const std::string& path) {
+absl::StatusOr<Layout> ChooseLayout(const PlyReader& reader, const std::string& path,
+                                    const PhotonAttributes& wanted) {
   Layout layout;
-  const auto powers = AddGroup(reader, path, {"power_red", "power_green", "power_blue"}, layout);
-  if (!powers.ok()) return powers.status();
-  layout.powers = *powers;
+  if (wanted.powers) {
+    const auto powers = AddGroup(reader, path, {"power_red", "power_green", "power_blue"}, layout);
+    if (!powers.ok()) return powers.status();
+    layout.powers = *powers;
+  }
+  if (!wanted.directions) return layout;
   const auto octahedral = AddGroup(reader, path, {"dir_u", "dir_v"}, layout);
   if (!octahedral.ok()) return octahedral.status();
   layout.octahedral = *octahedral;
@@ -178,10 +182,10 @@ absl::Status PhotonPlyWriter::Commit() {
   return file_.Commit();
 }
 
-absl::StatusOr<Photons> ReadPhotonPly(const std::string& path) {
+absl::StatusOr<Photons> ReadPhotonPly(const std::string& path, const PhotonAttributes& wanted) {
   auto reader = PlyReader::Open(path);
   if (!reader.ok()) return reader.status();
-  const auto layout = ChooseLayout(*reader, path);
+  const auto layout = ChooseLayout(*reader, path, wanted);
   if (!layout.ok()) return layout.status();
 
   Photons photons;

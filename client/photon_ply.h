@@ -53,12 +53,17 @@ class PhotonPlyWriter {
   std::uint64_t written_ = 0;
 };
 
+/// What is read of photons, beside their positions.
+struct PhotonAttributes {
+  bool powers = true, directions = true;
+};
+
 /// Reads photons from a PLY file, ASCII or binary: x, y, z, and as the file has them all of
 /// power_red, power_green, power_blue, and dir_u, dir_v or nx, ny, nz (a vector of any length but
-/// 0; dir_u, dir_v win). Other properties and elements are skipped; doubles are rounded to float32.
-/// Errors as PlyReader's; INVALID_ARGUMENT also for a number that is not finite or out of range,
-/// and for some but not all of a triple.
-absl::StatusOr<Photons> ReadPhotonPly(const std::string& path);
+/// 0; dir_u, dir_v win), where `wanted` has them. Other properties and elements are skipped;
+/// doubles are rounded to float32. Errors as PlyReader's; INVALID_ARGUMENT also for a number that
+/// is not finite or out of range, and for some but not all of a triple.
+absl::StatusOr<Photons> ReadPhotonPly(const std::string& path, const PhotonAttributes& wanted = {});
 
 }  // namespace treelight::client
 

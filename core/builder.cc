@@ -50,8 +50,6 @@ std::string BuilderName(const BuildOptions& options) {
       return "atrbvh";
     case BuilderKind::kBalanced:
       return "balanced";
-    case BuilderKind::kSlidingMidpoint:
-      return "sliding_midpoint";
     case BuilderKind::kSweep:
       return HeuristicName(options.heuristic);
     case BuilderKind::kKarras:
@@ -84,8 +82,7 @@ bool ReadsTreelets(BuilderKind builder) {
 }
 
 bool ReadsMortonBits(BuilderKind builder) {
-  return builder != BuilderKind::kBalanced && builder != BuilderKind::kSlidingMidpoint &&
-         builder != BuilderKind::kSweep;
+  return builder != BuilderKind::kBalanced && builder != BuilderKind::kSweep;
 }
 
 bool ReadsLeafTerm(BuilderKind builder) {

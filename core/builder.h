@@ -20,7 +20,6 @@ enum class BuilderKind {
   kTrbvh,     ///< lbvh, its treelets restructured as a BVH (Karras and Aila 2013)
   kAtrbvh,    ///< as kTrbvh, by agglomeration (Domingues and Pedrini 2015)
   kBalanced,  ///< top-down: median of the widest axis
-  kSlidingMidpoint,  ///< top-down: middle of the cell (Maneewongvatana and Mount 1999)
   kSweep,  ///< top-down: the cut of least cost by the heuristic: `sah`, `isa` and `vvh` of the docs
   kKarras,  ///< Karras 2012 as he has it: a grid with as many cells along each axis, runs of equal
             ///< codes split by place, so that siblings may overlap; what the study measures against
@@ -85,7 +84,7 @@ class Builder {
 };
 
 /// The name of a tree of these options: "lbvh", "treelet", "hybrid", "trbvh", "atrbvh", "balanced",
-/// "sliding_midpoint", "karras"; of kSweep the heuristic's: "sah", "isa", "vvh".
+/// "karras"; of kSweep the heuristic's: "sah", "isa", "vvh".
 std::string BuilderName(const BuildOptions& options);
 
 /// The name of a heuristic: "sah", "isa", "vvh".

@@ -29,8 +29,6 @@ absl::StatusOr<BuilderKind> ParseBuilder(v1::BuilderKind builder) {
       return BuilderKind::kAtrbvh;
     case v1::BUILDER_KIND_BALANCED:
       return BuilderKind::kBalanced;
-    case v1::BUILDER_KIND_SLIDING_MIDPOINT:
-      return BuilderKind::kSlidingMidpoint;
     case v1::BUILDER_KIND_SWEEP:
       return BuilderKind::kSweep;
     case v1::BUILDER_KIND_KARRAS:
@@ -54,8 +52,6 @@ v1::BuilderKind ToWire(BuilderKind builder) {
       return v1::BUILDER_KIND_ATRBVH;
     case BuilderKind::kBalanced:
       return v1::BUILDER_KIND_BALANCED;
-    case BuilderKind::kSlidingMidpoint:
-      return v1::BUILDER_KIND_SLIDING_MIDPOINT;
     case BuilderKind::kSweep:
       return v1::BUILDER_KIND_SWEEP;
     case BuilderKind::kKarras:

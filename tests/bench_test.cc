@@ -260,7 +260,7 @@ TEST(BenchTest, WhatDoesNotFitEndsTheSetAndIsTold) {
   EXPECT_TRUE(report.status.ok()) << report.status;
   EXPECT_THAT(report.notes,
               ElementsAre(AllOf(HasSubstr("W1 ends before 4000 photons: photons, 4 trees"),
-                                HasSubstr("this machine has 1.9 MiB")),
+                                HasSubstr("this process may use 1.9 MiB")),
                           HasSubstr("W2 ends before 4000 photons")));
   EXPECT_FALSE(report.rows.empty());
   for (const BenchRow& row : report.rows) EXPECT_EQ(row.photons, 2'000u);

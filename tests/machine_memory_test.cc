@@ -1,4 +1,4 @@
-#include "server/machine_memory.h"
+#include "core/machine_memory.h"
 
 #include <unistd.h>
 
@@ -6,9 +6,10 @@
 #include <string>
 
 #include "gtest/gtest.h"
+#include "server/memory_limit.h"
 #include "tests/temporary_folder.h"
 
-namespace treelight::server {
+namespace treelight {
 namespace {
 
 /// A root folder with the files that a test writes.
@@ -26,7 +27,7 @@ class MachineMemoryTest : public ::testing::Test {
 TEST_F(MachineMemoryTest, IsWhatTheMachineHasWithoutGroups) {
   Write("proc/meminfo", "MemFree:  7 kB\nMemTotal:       2048 kB\nCached: 5 kB\n");
   EXPECT_EQ(MachineMemoryBytes(root_), 2048u << 10);
-  EXPECT_EQ(DefaultMemoryLimit(root_), 1024u << 10);
+  EXPECT_EQ(server::DefaultMemoryLimit(root_), 1024u << 10);
 }
 
 TEST_F(MachineMemoryTest, IsTheLeastOfItsGroupsOfVersion2) {
@@ -56,10 +57,10 @@ TEST_F(MachineMemoryTest, KnowsGroupsOfVersion1) {
 
 TEST_F(MachineMemoryTest, UnknownMemoryHasALimitStill) {
   EXPECT_EQ(MachineMemoryBytes(root_), 0u);
-  EXPECT_EQ(DefaultMemoryLimit(root_), std::uint64_t{4} << 30);
+  EXPECT_EQ(server::DefaultMemoryLimit(root_), std::uint64_t{4} << 30);
 }
 
 TEST_F(MachineMemoryTest, ThisMachineHasSome) { EXPECT_GT(MachineMemoryBytes(), 1u << 20); }
 
 }  // namespace
-}  // namespace treelight::server
+}  // namespace treelight

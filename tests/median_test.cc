@@ -4,7 +4,6 @@
 #include <functional>
 
 #include "core/builder.h"
-#include "core/cpu/sliding_midpoint.h"
 #include "gtest/gtest.h"
 #include "tests/clouds.h"
 
@@ -65,44 +64,6 @@ TEST(MedianTest, WholeLeavesAreFullButOne) {
   const Tree tree = Build(photons, {.builder = BuilderKind::kBalanced, .max_leaf_size = 8});
   EXPECT_EQ(tree.nodes.size() + 1, 127u);
   EXPECT_EQ(ComputeStatistics(tree).leaf_fill, 1009.0 / 127);
-}
-
-/// The places after which the root of a sliding midpoint tree over points of a line is cut.
-std::uint32_t FirstCut(const std::vector<float>& line) {
-  std::vector<float> positions;
-  for (const float x : line) positions.insert(positions.end(), {x, 0, 0});
-  SlidingMidpointSplitter splitter(positions, /*max_leaf_size=*/1);
-  return splitter.Split(splitter.Root(static_cast<std::uint32_t>(line.size()))).first.last;
-}
-
-TEST(SlidingMidpointTest, CutsTheMiddleOfTheCell) {
-  EXPECT_EQ(FirstCut({0, 1, 2, 3, 4, 100}), 5u);
-  EXPECT_EQ(FirstCut({0, 96, 97, 98, 99, 100}), 1u);
-  EXPECT_EQ(FirstCut({0, 1, 2, 3}), 2u);
-}
-
-// Maneewongvatana and Mount 1999, figure 2: a cell with all points in one half.
-TEST(SlidingMidpointTest, SlidesToTheNearestPhoton) {
-  std::vector<float> positions;
-  for (const float x : {0.0f, 1.0f, 1.0f, 2.0f, 100.0f}) {
-    positions.insert(positions.end(), {x, 0, 0});
-  }
-  SlidingMidpointSplitter splitter(positions, /*max_leaf_size=*/1);
-  const auto [low, high] = splitter.Split(splitter.Root(5));
-  ASSERT_EQ(low.count(), 4u);
-  EXPECT_EQ(low.cell.max.x, 50.0f);
-  // The middle of [0, 50] is 25: the plane slides down to 2, which alone goes right.
-  const auto [left, right] = splitter.Split(low);
-  EXPECT_EQ(left.count(), 3u);
-  EXPECT_EQ(left.cell.max.x, 2.0f);
-  EXPECT_EQ(right.cell.min.x, 2.0f);
-  EXPECT_EQ(right.cell.max.x, 50.0f);
-}
-
-TEST(SlidingMidpointTest, PhotonsOfAPlaneAreNotCutOffOneByOne) {
-  const Photons photons = MakeCloud(CloudNamed("coplanar"), 5003, /*seed=*/7);
-  const Tree tree = Build(photons, {.builder = BuilderKind::kSlidingMidpoint, .max_leaf_size = 8});
-  EXPECT_LT(tree.root.depth, 25u);
 }
 
 }  // namespace

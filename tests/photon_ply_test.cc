@@ -128,6 +128,21 @@ TEST(PhotonPlyTest, AsciiIsReadAndOtherPropertiesAndElementsAreSkipped) {
   EXPECT_TRUE(photons->directions.empty());
 }
 
+TEST(PhotonPlyTest, OnlyWantedAttributesAreRead) {
+  const Photons photons = MakePhotons(1'000, /*seed=*/5);
+  const TemporaryFile file("");
+  ASSERT_TRUE(WritePhotonPly(file.path(), photons).ok());
+  for (const PhotonAttributes& wanted :
+       {PhotonAttributes{.powers = true, .directions = false}, {.powers = false}, {false, false}}) {
+    const auto read = ReadPhotonPly(file.path(), wanted);
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_EQ(read->positions, photons.positions);
+    EXPECT_EQ(read->powers, wanted.powers ? photons.powers : std::vector<float>());
+    EXPECT_EQ(read->directions,
+              wanted.directions ? photons.directions : std::vector<std::int16_t>());
+  }
+}
+
 TEST(PhotonPlyTest, BinaryListsAndEveryNumberTypeAreSkipped) {
   std::string text =
       "ply\nformat binary_little_endian 1.0\nelement other 1\nproperty list ushort double "

@@ -43,14 +43,16 @@ class ServiceRebuildTest : public GatedServiceTest {
 TEST_F(ServiceRebuildTest, AnotherTreeGivesTheSameAnswers) {
   Start(MakeCpuBuilder());
   MustBuild("cloud", photons_);
+  std::uint64_t newest = 1;
   for (int builder = v1::BUILDER_KIND_LBVH; builder <= v1::BUILDER_KIND_KARRAS; ++builder) {
+    if (!v1::BuilderKind_IsValid(builder)) continue;
     ASSERT_TRUE(Rebuild(Request(static_cast<v1::BuilderKind>(builder))).ok());
     EXPECT_EQ(response_.map().name(), "cloud");
     EXPECT_EQ(response_.map().options().builder(), builder);
     EXPECT_EQ(response_.map().photon_count(), photons_.size());
     EXPECT_GT(response_.timings().total_us(), 0);
     const std::uint64_t version = response_.map().version();
-    EXPECT_EQ(version, static_cast<std::uint64_t>(builder) + 1);
+    EXPECT_EQ(version, ++newest);
     const auto all = kOutputCount | kOutputRadius | kOutputNeighbors | kOutputDensity;
     const auto first = MustGather(1, all), other = MustGather(version, all);
     EXPECT_EQ(other.version(), version);

@@ -36,7 +36,6 @@ inline std::vector<TreeKindOptions> AllTreeKinds() {
       {"atrbvh_sah", {.builder = K::kAtrbvh, .heuristic = H::kSah, .leaf_term = none}},
       {"balanced", {.builder = K::kBalanced, .leaf_term = none}},
       {"balanced_whole_leaves", {.builder = K::kBalanced}},
-      {"sliding_midpoint", {.builder = K::kSlidingMidpoint}},
       {"sah_linear", {.builder = K::kSweep, .heuristic = H::kSah, .leaf_term = none}},
       {"sah", {.builder = K::kSweep, .heuristic = H::kSah}},
       {"vvh", {.builder = K::kSweep, .heuristic = H::kVvh}},

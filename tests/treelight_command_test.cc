@@ -214,6 +214,36 @@ TEST_F(TreelightCommandTest, AReferenceThatLacksLightIsRefusedOrSaysSo) {
   EXPECT_THAT(allowed.err, HasSubstr("warning: the reference lacks the light of the point light"));
 }
 
+TEST_F(TreelightCommandTest, OutputsThatAFileCannotGiveAreRefused) {
+  Photons photons = MakePhotons(10, /*seed=*/2);
+  photons.directions.clear();
+  ASSERT_TRUE(WritePhotonPly(Path("lit.ply"), photons).ok());
+  photons.powers.clear();
+  ASSERT_TRUE(WritePhotonPly(Path("bare.ply"), photons).ok());
+  EXPECT_THAT(FailingRun("build --photons bare.ply --name n --outputs count,density", 1),
+              HasSubstr("bare.ply: its photons have no powers, which density needs"));
+  EXPECT_THAT(FailingRun("build --photons lit.ply --name n --outputs density --normals", 1),
+              HasSubstr("lit.ply: its photons have no directions, which normals need"));
+  EXPECT_THAT(FailingRun("build --photons lit.ply --name n --outputs count --normals", 2),
+              HasSubstr("only density reads them"));
+  EXPECT_THAT(FailingRun("build --photons lit.ply --name n --normals", 2), HasSubstr("--outputs"));
+  EXPECT_THAT(FailingRun("build --photons lit.ply --name n --outputs light", 2),
+              HasSubstr("light"));
+}
+
+TEST_F(TreelightCommandTest, BuildsPresentTheBuildersThatWinFirst) {
+  for (const char* command : {"build", "rebuild"}) {
+    const Outcome help = Run(std::string(command) + " --help");
+    EXPECT_EQ(help.exit_code, 0) << help.err;
+    std::istringstream text(help.out);
+    std::string words;
+    for (std::string word; text >> word;) words += word + " ";
+    EXPECT_THAT(words, AllOf(HasSubstr("auto, lbvh, hybrid, isa (default"),
+                             HasSubstr("For studies: treelet, trbvh, atrbvh, balanced, karras, "
+                                       "sah, vvh; ")));
+  }
+}
+
 TEST_F(TreelightCommandTest, BadFilesAreOneLineAndExitCode1) {
   std::ofstream(Path("bad.ply")) << "ply\nformat ascii 1.0\nbogus\n";
   std::ofstream(Path("bad.csv")) << "1,2,3\n1,2,three\n";

@@ -72,6 +72,20 @@ class TreelightWithServerTest : public ::treelight::testing::TreelightCommand {
     stopped_ = true;
   }
 
+  /// Bytes of the upload of a map, which the log tells soon after its answer; 0: it does not.
+  std::uint64_t LoggedBuildBytes(const std::string& map) const {
+    for (int tries = 0; tries < 1000; ++tries) {
+      std::istringstream log(ReadFile(Path("server.log")));
+      for (std::string line; std::getline(log, line);) {
+        const auto record = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
+        if (record.is_discarded() || record["method"] != "BuildPhotonMap") continue;
+        if (record.value("map", "") == map) return record["bytes_in"];
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return 0;
+  }
+
  private:
   void ReadAddress(const std::string& output) {
     const std::string mark = "listening on ";
@@ -134,6 +148,39 @@ TEST_F(TreelightWithServerTest, DensitiesAndStatisticsGoToStdout) {
       gathered.out,
       StartsWith("query,density_red,density_green,density_blue,nodes_visited,distance_tests\n0,"));
   EXPECT_EQ(std::count(gathered.out.begin(), gathered.out.end(), '\n'), 3);
+}
+
+TEST_F(TreelightWithServerTest, AttributesAreSentWhereAnOutputNeedsThem) {
+  constexpr std::uint64_t kPhotons = 20'000;
+  ASSERT_TRUE(WritePhotonPly(Path("p.ply"), MakePhotons(kPhotons, /*seed=*/8)).ok());
+  struct Case {
+    std::string name, arguments;
+    bool powers, directions;
+    std::uint64_t photon_bytes;
+  };
+  const std::vector<Case> cases = {
+      {"all", "", true, true, 28},
+      {"density", " --outputs count,radius,density", true, false, 24},
+      {"normals", " --outputs density --normals", true, true, 28},
+      {"lists", " --outputs count,radius,neighbors,statistics,error-bound", false, false, 12}};
+  std::ofstream(Path("q.csv")) << "0.5,0.5,0.5\n";
+  std::ofstream(Path("n.csv")) << "0.5,0.5,0.5,0,0,1\n";
+  for (const Case& sent : cases) {
+    const Outcome built = Run("build --photons p.ply --json --name " + sent.name + sent.arguments);
+    ASSERT_EQ(built.exit_code, 0) << built.err;
+    const auto map = nlohmann::json::parse(built.out)["map"];
+    EXPECT_EQ(map.value("has_powers", false), sent.powers) << sent.name;
+    EXPECT_EQ(map.value("has_directions", false), sent.directions) << sent.name;
+    const std::string gather = "gather --k 50 --map " + sent.name;
+    EXPECT_EQ(Run(gather + " --queries q.csv --outputs neighbors").exit_code, 0);
+    EXPECT_EQ(Run(gather + " --queries q.csv --outputs density").exit_code, sent.powers ? 0 : 1);
+    EXPECT_EQ(Run(gather + " --queries n.csv --outputs density").exit_code,
+              sent.directions ? 0 : 1);
+    const std::uint64_t bytes = LoggedBuildBytes(sent.name),
+                        expected = kPhotons * sent.photon_bytes;
+    EXPECT_GE(bytes, expected) << sent.name;
+    EXPECT_LE(bytes, expected + 1'000) << sent.name;  // the header, and what frames the arrays
+  }
 }
 
 TEST_F(TreelightWithServerTest, MapsAreListedShownAndDeleted) {

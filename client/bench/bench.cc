@@ -12,7 +12,7 @@
 namespace treelight::client {
 namespace {
 
-// Share of the machine's memory that may be used.
+// Share of BenchDevice::host_bytes that may be used.
 constexpr double kMemoryShare = 0.85;
 // Of each photon while a set is made: position, power, and the surface that it lies on, in arrays
 // that grow by doubling.
@@ -69,9 +69,10 @@ class Bench {
     }
     const double limit = kMemoryShare * static_cast<double>(device_.host_bytes);
     if (bytes <= limit) return absl::OkStatus();
-    return absl::ResourceExhaustedError(fmt::format(
-        "photons, {} trees and a build take about {}, this machine has {}", cell.subjects.size(),
-        FormatBytes(bytes), FormatBytes(static_cast<double>(device_.host_bytes))));
+    return absl::ResourceExhaustedError(
+        fmt::format("photons, {} trees and a build take about {}, this process may use {}",
+                    cell.subjects.size(), FormatBytes(bytes),
+                    FormatBytes(static_cast<double>(device_.host_bytes))));
   }
 
   absl::Status Stop(const BenchCell& cell, const absl::Status& why) {

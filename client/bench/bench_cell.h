@@ -21,7 +21,7 @@ struct BenchDevice {
   std::string machine{};         ///< its processor and threads
   std::string name{};            ///< of the device
   std::uint32_t threads = 0;     ///< of this program, that work; 0: others do
-  /// Memory of this machine, bytes; 0: not known.
+  /// Memory that this process may use, bytes; 0: not known.
   std::uint64_t host_bytes = 0;
   bool maps_on_host = false;  ///< maps lie in that memory
 };

@@ -16,8 +16,7 @@ constexpr std::uint32_t kLargestKInR1 = 100;
 std::optional<BuildOptions> OptionsNamed(const std::string& name) {
   for (const BuilderKind builder :
        {BuilderKind::kLbvh, BuilderKind::kTreelet, BuilderKind::kHybrid, BuilderKind::kTrbvh,
-        BuilderKind::kAtrbvh, BuilderKind::kBalanced, BuilderKind::kSlidingMidpoint,
-        BuilderKind::kSweep, BuilderKind::kKarras}) {
+        BuilderKind::kAtrbvh, BuilderKind::kBalanced, BuilderKind::kSweep, BuilderKind::kKarras}) {
     for (const Heuristic heuristic : {Heuristic::kIsa, Heuristic::kSah, Heuristic::kVvh}) {
       const BuildOptions options{.builder = builder, .heuristic = heuristic};
       if (BuilderName(options) == name) return options;

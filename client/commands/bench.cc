@@ -18,6 +18,7 @@
 #include "client/commands/report.h"
 #include "client/commands/server_option.h"
 #include "core/floors.h"
+#include "core/machine_memory.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
@@ -43,7 +44,7 @@ struct OpenDevice {
   std::unique_ptr<FloorMeter> floors;
   DeviceInfo info;
   std::string machine;
-  std::uint64_t host_bytes = 0;  // memory of this machine; 0: it does not matter
+  std::uint64_t host_bytes = 0;  // memory that this process may use; 0: it does not matter
   bool is_own_cpu = false;       // the threads of this program
 };
 
@@ -73,7 +74,7 @@ absl::StatusOr<OpenDevice> OpenLocal(const DeviceOptions& options) {
   device.is_own_cpu = device.info.platform == kNativePlatform;
   const DeviceInfo cpu = NativeCpu();
   device.machine = MachineName(cpu.name, cpu.compute_units);
-  device.host_bytes = cpu.memory_bytes;
+  device.host_bytes = MachineMemoryBytes();
   return device;
 }
 

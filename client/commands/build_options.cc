@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <vector>
 
 #include "client/build_names.h"
@@ -79,15 +80,22 @@ v1::BuildOptions BuildChoice::Options() const {
 }
 
 void AddBuildOptions(CLI::App& command, BuildChoice& choice) {
-  std::vector<std::string> names = BuilderNames();
-  names.insert(names.begin(), kAuto);
+  std::vector<std::string> names = {kAuto, "lbvh", "hybrid", "isa"};
+  std::vector<std::string> studied;
+  std::ranges::copy_if(BuilderNames(), std::back_inserter(studied), [&](const std::string& name) {
+    return std::ranges::find(names, name) == names.end();
+  });
+  std::vector<std::string> all = names;
+  all.insert(all.end(), studied.begin(), studied.end());
   command
       .add_option("--builder", choice.builder,
-                  fmt::format("{}; the last three are sweeps by a heuristic. auto: lbvh or hybrid, "
-                              "whichever takes less time for the build and the expected gathers on "
-                              "the server's device (default: the server's, lbvh)",
-                              fmt::join(names, ", ")))
-      ->check(CLI::IsMember(names))
+                  fmt::format("{} (default: the server's, lbvh). auto: lbvh or hybrid, whichever "
+                              "takes less time for the build and the expected gathers on the "
+                              "server's device. isa: a sweep, slow to build, for maps that are "
+                              "gathered from 1e8 times and more. For studies: {}; the last two are "
+                              "sweeps by these heuristics",
+                              fmt::join(names, ", "), fmt::join(studied, ", ")))
+      ->check(CLI::IsMember(all))
       ->type_name("NAME");
   command
       .add_option_function<std::string>(

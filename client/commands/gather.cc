@@ -14,6 +14,7 @@
 #include "client/commands/check.h"
 #include "client/commands/command.h"
 #include "client/commands/map_option.h"
+#include "client/commands/output_names.h"
 #include "client/commands/server_option.h"
 #include "client/gather_wire.h"
 #include "client/output_file.h"
@@ -31,10 +32,6 @@ constexpr std::size_t kMaxQueriesPerCall = std::size_t{1} << 17;
 constexpr std::size_t kNeighborsPerCall = std::size_t{1} << 23;  // aimed at
 constexpr std::size_t kFirstUncappedQueries = 256;  // of lists whose lengths are not known yet
 
-const std::map<std::string, std::uint32_t> kOutputNames = {
-    {"count", kOutputCount},           {"radius", kOutputRadius},
-    {"neighbors", kOutputNeighbors},   {"density", kOutputDensity},
-    {"statistics", kOutputStatistics}, {"error-bound", kOutputErrorBound}};
 const std::map<std::string, DensityKernel> kKernelNames = {
     {"constant", DensityKernel::kConstant},
     {"cone", DensityKernel::kCone},
@@ -167,9 +164,7 @@ void PrintWire(const WireSummary& wire, std::size_t query_count) {
 
 absl::Status Run(Options options, const GlobalOptions& global) {
   if (options.half_answers) options.wire.answer_floats = v1::FLOAT_FORMAT_HALF;
-  options.gather.outputs = 0;
-  for (const std::string& output : options.outputs)
-    options.gather.outputs |= kOutputNames.at(output);
+  options.gather.outputs = OutputMask(options.outputs);
   options.gather.kernel = kKernelNames.at(options.kernel);
   const auto points = ReadQueryFile(options.queries_path);
   if (!points.ok()) return points.status();
@@ -227,7 +222,7 @@ void AddGatherCommand(CLI::App& app, GlobalOptions& global) {
                    "error-bound")
       ->delimiter(',')
       ->default_str("count,radius")
-      ->check(CLI::IsMember(kOutputNames));
+      ->check(CLI::IsMember(OutputNames()));
   command
       ->add_option("--kernel", options->kernel,
                    "Weights of the density: constant, cone, epanechnikov")

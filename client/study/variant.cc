@@ -55,7 +55,6 @@ std::vector<Variant> AllVariants() {
           Hybrid(kNone, 256),
           {.builder = "balanced", .leaf_term = kNone},
           {.builder = "balanced", .leaf_term = kLeaf},
-          Plain("sliding_midpoint"),
           Sweep("sah", kNone),
           Sweep("sah", kLeaf),
           Sweep("vvh", kLeaf),

@@ -9,7 +9,6 @@
 #include "core/cpu/hybrid.h"
 #include "core/cpu/lbvh.h"
 #include "core/cpu/median.h"
-#include "core/cpu/sliding_midpoint.h"
 #include "core/cpu/sweep.h"
 #include "core/cpu/tree_gatherer.h"
 #include "core/cpu/treelet.h"
@@ -44,10 +43,6 @@ class CpuBuild {
       case BuilderKind::kBalanced: {
         MedianSplitter splitter(positions_, options_.max_leaf_size, options_.leaf_term);
         return Split(splitter, {0, count(), 0});
-      }
-      case BuilderKind::kSlidingMidpoint: {
-        SlidingMidpointSplitter splitter(positions_, options_.max_leaf_size);
-        return Split(splitter, splitter.Root(count()));
       }
       case BuilderKind::kSweep:
         return Sweep();

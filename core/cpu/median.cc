@@ -28,14 +28,6 @@ void PhotonOrder::SelectSmallest(const PhotonRange& range, int axis, std::uint32
                    });
 }
 
-std::uint32_t PhotonOrder::PartitionBelow(const PhotonRange& range, int axis, float plane) {
-  const auto begin = ids_.begin() + range.first;
-  const auto middle = std::partition(begin, ids_.begin() + range.last, [&](std::uint32_t id) {
-    return Coordinate(id, axis) < plane;
-  });
-  return static_cast<std::uint32_t>(middle - begin);
-}
-
 void PhotonOrder::PutSorted(const PhotonRange& range, LeafPhoton* to) {
   std::sort(ids_.begin() + range.first, ids_.begin() + range.last);
   PutPhotons(positions_, std::span(ids_).subspan(range.first, range.count()), to);

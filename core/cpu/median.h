@@ -21,9 +21,6 @@ class PhotonOrder {
   /// Moves the `left_count` smallest photons on `axis` to the front of the range.
   void SelectSmallest(const PhotonRange& range, int axis, std::uint32_t left_count);
 
-  /// Moves the photons below `plane` on `axis` to the front of the range. Returns their number.
-  std::uint32_t PartitionBelow(const PhotonRange& range, int axis, float plane);
-
   /// Writes the photons of a leaf, by index.
   void PutSorted(const PhotonRange& range, LeafPhoton* to);
 

@@ -42,7 +42,7 @@ const std::vector<StabilityTree>& StabilityTrees() {
   static const std::vector<StabilityTree> trees = [] {
     std::vector<StabilityTree> all;
     for (const char* name : {"lbvh", "treelet_isa", "hybrid", "trbvh_sah", "atrbvh", "balanced",
-                             "sliding_midpoint", "sah", "vvh", "isa", "karras"}) {
+                             "sah", "vvh", "isa", "karras"}) {
       const auto kinds = AllTreeKinds();
       const auto kind = std::find_if(kinds.begin(), kinds.end(),
                                      [name](const auto& known) { return known.name == name; });

@@ -1,4 +1,4 @@
-#include "server/machine_memory.h"
+#include "core/machine_memory.h"
 
 #include <algorithm>
 #include <charconv>
@@ -9,7 +9,7 @@
 
 #include "fmt/format.h"
 
-namespace treelight::server {
+namespace treelight {
 namespace {
 
 namespace fs = std::filesystem;
@@ -80,10 +80,4 @@ std::uint64_t MachineMemoryBytes(const fs::path& root) {
   return bytes == kUnlimited ? 0 : bytes;
 }
 
-std::uint64_t DefaultMemoryLimit(const fs::path& root) {
-  constexpr std::uint64_t kWhereUnknown = std::uint64_t{4} << 30;
-  const std::uint64_t bytes = MachineMemoryBytes(root);
-  return bytes == 0 ? kWhereUnknown : bytes / 2;
-}
-
-}  // namespace treelight::server
+}  // namespace treelight
