@@ -15,7 +15,7 @@ split_levels.cl   @ s/clz(difference) - 2/clz(difference) - 1/ @ split_levels_te
 ties.cl           @ s/127 + 9 - exponent/127 + 8 - exponent/ @ ties_test
 ties.cl           @ s/(leaf_count + 1) \/ 2/leaf_count \/ 2/ @ ties_test
 ties.cl           @ s/clz(i ^ (i + 1))/clz(i)/ @ ties_test
-leaves.cl         @ s/b - a + 1 > cap/b - a > cap/ @ leaves_test
+large_subtree.cl  @ s/b - a + 1 > cap/b - a > cap/ @ leaves_test
 leaves.cl         @ s/counts\[group\] + popcount/popcount/ @ leaves_test
 hierarchy.cl      @ s/count += sibling_count/count += 1/ @ hierarchy_test
 hierarchy.cl      @ s/min_id = min(min_id, min_ids\[/min_id = max(min_id, min_ids[/ @ hierarchy_test
@@ -27,6 +27,7 @@ measure.cl        @ s/d.z \* d.x/d.z * d.y/ @ gpu_sweep_test
 treelet_search.cl @ s/(other_high < low ? 0u/(other_high <= low ? 0u/ @ tree_kinds_test
 treelet_search.cl @ s/return is_apart ? apart_left : touching_left;/return touching_left;/ @ tree_kinds_test
 treelet_round.cl  @ s/(treelet, i, nodes, costs/(treelet, 0, nodes, costs/ @ tree_kinds_test
+photon_powers.cl  @ s/vload3(i, powers)/vload3(i \/ 2, powers)/ @ gatherer_test
 heap.cl           @ s/heap\[(child + 1) \* stride\] > largest/heap[(child + 1) * stride] < largest/ @ gatherer_test
 traverse.cl       @ s/normal.z < 0/normal.z > 0/ @ gatherer_test
 traverse.cl       @ s/return fmax(2.0f/return fmax(1.99f/ @ gatherer_test
@@ -44,7 +45,7 @@ gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_t
 gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_test
 ../cpu/batch_gather.cc @ s/(1 + 1e-5)/(1 - 1e-2)/ @ packed_search_test
 ../cpu/simd/packed_search_impl.h @ s/L::LessEqual(d2, L::All(candidates.limit()))/L::Less(d2, L::All(candidates.limit()))/ @ packed_search_test
-../cpu/simd/candidates.h @ s/if (tied > 1) return false;// @ packed_search_test
+../cpu/simd/candidates.h @ s/ids\[j\] < ids\[i\]/ids[j] > ids[i]/ @ packed_search_test
 ../cpu/simd/candidates.h @ s/space_.KeepSmallestIds(nearer, tied, k_ - nearer);// @ packed_search_test
 '
 

@@ -6,6 +6,7 @@
 #include "core/cpu/cpu_builder.h"
 #include "core/cpu/tree_gatherer.h"
 #include "core/gpu/gpu_gatherer.h"
+#include "core/gpu/photon_powers.h"
 #include "core/model/morton_grid.h"
 #include "core/search_statistics.h"
 #include "gtest/gtest.h"
@@ -27,8 +28,7 @@ std::unique_ptr<Gatherer> OnDevice(const Tree& tree, const Photons& photons) {
   map.tree.nodes = Upload(tree.nodes);
   map.tree.min_ids = Upload(tree.min_ids);
   map.tree.photons = Upload(tree.photons);
-  map.powers = Upload(photons.powers);
-  map.directions = Buffer<cl_short>(TestGpu().memory(), 0);
+  map.powers = UploadPowers(TestGpu(), photons);
   map.grid = MakeMortonGrid({}, 10);
   map.photon_count = photons.size();
   map.has_powers = !photons.powers.empty();

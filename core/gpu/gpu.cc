@@ -11,9 +11,10 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
   const std::string group =
       fmt::format("-DGROUP_SIZE={} -DSCAN_ITEMS={} -DSORT_ITEMS={} -DTIE_ITEMS={}", kGroupSize,
                   kScanItems, kSortItems, kTieItems);
-  gpu.stages = device.Program({"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl",
-                               "leaves.cl", "meeting.cl", "hierarchy.cl", "statistics.cl"},
-                              group);
+  gpu.stages = device.Program(
+      {"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl", "large_subtree.cl",
+       "leaves.cl", "meeting.cl", "hierarchy.cl", "statistics.cl", "photon_powers.cl"},
+      group);
   if (device.has_sub_groups()) {
     const std::string tile = fmt::format("-DSWEEP_SUB_GROUPS={}", kSweepGroupSize / kSubGroupSize);
     const auto sort = [&](int key_bits, std::size_t items) {
@@ -35,14 +36,18 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
   if (!device.has_sub_groups()) return gpu;
   const std::string sub_groups =
       fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kWideQueries, kSubGroupsPerGroup);
-  gpu.sub_group_stages =
-      device.Program({"morton.cl", "ties.cl", "sub_group.cl", "ties_short.cl", "wide_tree.cl"},
-                     fmt::format("{} -DTIE_SHORT_RUN={} -DTIE_BOUNDARIES={}", sub_groups,
-                                 kTieShortRun, kTieBoundaries));
+  gpu.sub_group_stages = device.Program(
+      {"morton.cl", "ties.cl", "sub_group.cl", "ties_short.cl", "large_subtree.cl", "wide_tree.cl"},
+      fmt::format("{} -DTIE_SHORT_RUN={} -DTIE_BOUNDARIES={}", sub_groups, kTieShortRun,
+                  kTieBoundaries));
   for (std::size_t i = 0; i < kListRows.size(); ++i) {
-    gpu.gather_wide[i] = device.Program({"traverse.cl", "sub_group.cl", "gather_wide.cl"},
-                                        fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));
+    gpu.gather_wide[i] =
+        device.Program({"traverse.cl", "sub_group.cl", "candidate_list.cl", "gather_wide.cl"},
+                       fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));
   }
+  gpu.count_wide = device.Program(
+      {"traverse.cl", "sub_group.cl", "count_wide.cl"},
+      fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kCountQueries, kSubGroupsPerGroup));
   return gpu;
 }
 

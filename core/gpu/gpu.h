@@ -36,6 +36,9 @@ inline constexpr std::array<std::uint32_t, 2> kListRows = {4, 6}, kListK = {64, 
 /// Queries of one sub-group of gather_wide.
 inline constexpr std::size_t kWideQueries = 4;
 
+/// Queries of one sub-group of count_wide.
+inline constexpr std::size_t kCountQueries = 8;
+
 /// Work-items of a work-group of the one-sweep sort, and pairs of one of them.
 inline constexpr std::size_t kSweepGroupSize = 384;
 template <typename Key>
@@ -44,13 +47,15 @@ inline constexpr std::size_t kSweepItems = sizeof(Key) == 4 ? 16 : 8;
 /// A device with the compiled kernels of all stages. Cheap to copy.
 struct Gpu {
   std::shared_ptr<Device> device;
-  cl::Program stages;   ///< bounds, morton, split_levels, ties, leaves, hierarchy, statistics, scan
-  cl::Program sort_32;  ///< radix_sort of 32-bit keys
-  cl::Program sort_64;  ///< radix_sort of 64-bit keys
-  cl::Program gather;   ///< gather_nearest with heaps in local memory, gather_range
+  cl::Program stages;  ///< bounds, morton, split_levels, ties, leaves, hierarchy, statistics, scan,
+                       ///< photon_powers
+  cl::Program sort_32;           ///< radix_sort of 32-bit keys
+  cl::Program sort_64;           ///< radix_sort of 64-bit keys
+  cl::Program gather;            ///< gather_nearest with heaps in local memory, gather_range
   cl::Program gather_global;     ///< gather_nearest with heaps in global memory, gather_list
   cl::Program sub_group_stages;  ///< where there are sub-groups
   std::array<cl::Program, kListRows.size()> gather_wide;  ///< likewise; by length of the lists
+  cl::Program count_wide;                                 ///< likewise
 
   BufferPool& memory() const { return device->memory(); }
   cl::CommandQueue& queue() const { return device->queue(); }

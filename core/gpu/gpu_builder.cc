@@ -12,6 +12,7 @@
 #include "core/gpu/hierarchy.h"
 #include "core/gpu/leaves.h"
 #include "core/gpu/morton.h"
+#include "core/gpu/photon_powers.h"
 #include "core/gpu/placed_photons.h"
 #include "core/gpu/radix_sort.h"
 #include "core/gpu/sample_radius.h"
@@ -43,8 +44,11 @@ absl::Status CheckFits(const DeviceInfo& device, const Photons& photons,
         fmt::format("photons: {}, a device sorts at most {}", photons.size(), kMaxSortedPairs));
   }
   const std::uint64_t code_bytes = options.morton_bits == MortonBits::k63 ? 8 : 4;
-  const std::uint64_t build_bytes = photons.size() * (12 + 16 + 2 * (code_bytes + 4) + 4 + 1) +
-                                    4 * photons.powers.size() + 2 * photons.directions.size();
+  const std::uint64_t build_bytes =
+      photons.size() * (12 + 16 + 2 * (code_bytes + 4) + 4 + 1) + 4 * photons.powers.size() +
+      2 * photons.directions.size() +
+      (photons.powers.empty() && photons.directions.empty() ? 0
+                                                            : photons.size() * sizeof(PhotonPower));
   if (build_bytes > device.memory_bytes) {
     return absl::ResourceExhaustedError(
         fmt::format("photons: {} need about {} bytes to build, device {} has {}", photons.size(),
@@ -163,7 +167,7 @@ void BuildNodes(PlacedPhotons placed, DeviceMap& map, StageTimer& timer) {
   map.report.tree = SumStatistics(gpu, placed.leaves.leaf_count, map.report.radius, map.tree);
   timer.Mark("statistics");
   if (gpu.device->has_sub_groups()) {
-    map.wide = BuildWideTree(gpu, map.tree, placed.leaves);
+    map.wide = BuildWideTree(gpu, map.tree, placed.leaves, placed.levels);
     timer.Mark("wide");
   }
   map.tree.block_flags = {};
@@ -254,8 +258,7 @@ class GpuBuilder : public Builder {
     map.max_leaf_size = options.max_leaf_size;
     map.report.builder = BuilderName(options);
     map.report.device = gpu_.device->info().name;
-    map.powers = MakeBuffer<float>(gpu_.memory(), gpu_.queue(), photons.powers);
-    map.directions = MakeBuffer<cl_short>(gpu_.memory(), gpu_.queue(), photons.directions);
+    map.powers = UploadPowers(gpu_, photons);
     map.tree.nodes = Buffer<Node>(gpu_.memory(), 0);
     map.tree.min_ids = Buffer<cl_uint>(gpu_.memory(), 0);
     map.tree.photons = Buffer<LeafPhoton>(gpu_.memory(), 0);
@@ -266,7 +269,7 @@ class GpuBuilder : public Builder {
     for (StageTime& stage : timer.Finish()) map.report.stages.push_back(std::move(stage));
     map.report.device_bytes = map.tree.nodes.bytes() + map.tree.min_ids.bytes() +
                               map.tree.photons.bytes() + map.wide.boxes.bytes() +
-                              map.powers.bytes() + map.directions.bytes();
+                              map.powers.bytes();
   }
 
   Gpu gpu_;

@@ -12,6 +12,7 @@
 #include "core/device/stage_timer.h"
 #include "core/gpu/morton.h"
 #include "core/gpu/paced_launches.h"
+#include "core/gpu/photon_powers.h"
 #include "core/gpu/radix_sort.h"
 #include "core/model/power_moments.h"
 #include "fmt/format.h"
@@ -25,7 +26,7 @@ constexpr std::size_t kQueriesPerLaunchCpu = 1 << 14;
 // From this many queries on, sorting them pays.
 constexpr std::size_t kSortedQueries = 4096;
 // From this k on, sub-groups are faster than a heap for each work-item.
-constexpr std::uint32_t kMinWideK = 9;
+constexpr std::uint32_t kMinWideK = 17;
 // Space for heaps in global memory, where k is too large for local memory.
 constexpr std::size_t kGlobalHeapBytes = std::size_t{256} << 20;
 
@@ -81,9 +82,12 @@ class GpuGatherer : public Gatherer {
     const std::lock_guard lock(map_.gpu.device->mutex());
     return Guard([&]() -> absl::StatusOr<Photons> {
       const cl::CommandQueue& queue = map_.gpu.queue();
-      return Photons{.positions = PositionsById(map_.tree.photons.Read(queue)),
-                     .powers = map_.powers.Read(queue),
-                     .directions = map_.directions.Read(queue)};
+      const std::vector<PhotonPower> carried = map_.powers.Read(queue);
+      Photons photons;
+      photons.positions = PositionsById(map_.tree.photons.Read(queue));
+      if (map_.has_powers) photons.powers = PowersOf(carried);
+      if (map_.has_directions) photons.directions = DirectionsOf(carried);
+      return photons;
     });
   }
 
@@ -104,6 +108,8 @@ class GpuGatherer : public Gatherer {
                   const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                    const CancelCheck& cancelled) const;
+  void CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                 const CancelCheck& cancelled) const;
   void GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
                   const CancelCheck& cancelled) const;
   NeighborLists GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -112,9 +118,13 @@ class GpuGatherer : public Gatherer {
   /// Sub-groups pay where the list of candidates is long, but fits local memory. They do not count
   /// what they visit, and are exact.
   bool UsesWideTree(const GatherOptions& options) const {
-    return map_.wide.shape.level_count > 0 && options.k >= kMinWideK &&
-           options.k <= kListK.back() && (options.outputs & kOutputStatistics) == 0 &&
-           !options.approximation.any();
+    return map_.wide.boxes.size() > 0 && options.k >= kMinWideK && options.k <= kListK.back() &&
+           (options.outputs & kOutputStatistics) == 0 && !options.approximation.any();
+  }
+
+  /// Sub-groups count, but add nothing up.
+  bool CountsInWideTree(std::uint32_t outputs) const {
+    return map_.wide.boxes.size() > 0 && (outputs & (kOutputDensity | kOutputStatistics)) == 0;
   }
 
   std::size_t QueriesPerLaunch() const {
@@ -257,10 +267,10 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
       params.count = static_cast<cl_uint>(part);
       Launch(gpu, program, "gather_nearest", part, group, map_.tree.nodes.get(),
              map_.tree.min_ids.get(), map_.tree.photons.get(), map_.powers.get(),
-             map_.directions.get(), batch.positions.get(), batch.order.get(), batch.radii_in.get(),
-             batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
-             batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get(),
-             batch.visited.get(), batch.tested.get(), heaps_and_bounds...);
+             batch.positions.get(), batch.order.get(), batch.radii_in.get(), batch.normals.get(),
+             params, batch.counts.get(), batch.radii.get(), batch.neighbor_ids.get(),
+             batch.neighbor_d2.get(), batch.densities.get(), batch.visited.get(),
+             batch.tested.get(), heaps_and_bounds...);
     });
   };
   const auto launch_as_asked = [&](const cl::Program& exact, const char* heap_options,
@@ -288,7 +298,7 @@ void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std
                   Launch(gpu, gpu.gather_wide[variant], "gather_wide",
                          (part + kWideQueries - 1) / kWideQueries * kSubGroupSize,
                          kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-                         map_.tree.photons.get(), map_.powers.get(), map_.directions.get(),
+                         map_.wide.sizes.get(), map_.tree.photons.get(), map_.powers.get(),
                          batch.positions.get(), batch.order.get(), batch.radii_in.get(),
                          batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
                          batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get());
@@ -300,17 +310,33 @@ void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, st
   if (params.largest_weight_error > 0 && map_.has_powers) {
     return GatherSums(batch, params, count, cancelled);
   }
+  if (CountsInWideTree(params.outputs)) return CountWide(batch, params, count, cancelled);
   const Gpu& gpu = map_.gpu;
   PacedLaunches(
       gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
         params.first = static_cast<cl_uint>(first);
         params.count = static_cast<cl_uint>(part);
         Launch(gpu, gpu.gather, "gather_range", part, GatherGroupSize(), map_.tree.nodes.get(),
-               map_.tree.photons.get(), map_.powers.get(), map_.directions.get(),
-               batch.positions.get(), batch.order.get(), batch.radii_in.get(), batch.normals.get(),
-               params, batch.counts.get(), batch.radii.get(), batch.densities.get(),
-               batch.visited.get(), batch.tested.get());
+               map_.tree.photons.get(), map_.powers.get(), batch.positions.get(), batch.order.get(),
+               batch.radii_in.get(), batch.normals.get(), params, batch.counts.get(),
+               batch.radii.get(), batch.densities.get(), batch.visited.get(), batch.tested.get());
       });
+}
+
+void GpuGatherer::CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
+                            const CancelCheck& cancelled) const {
+  const Gpu& gpu = map_.gpu;
+  PacedLaunches(gpu, count, QueriesPerLaunch(), cancelled,
+                [&](std::size_t first, std::size_t part) {
+                  params.first = static_cast<cl_uint>(first);
+                  params.count = static_cast<cl_uint>(part);
+                  Launch(gpu, gpu.count_wide, "count_wide",
+                         (part + kCountQueries - 1) / kCountQueries * kSubGroupSize,
+                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
+                         map_.wide.sizes.get(), map_.tree.photons.get(), batch.positions.get(),
+                         batch.order.get(), batch.radii_in.get(), params, batch.counts.get(),
+                         batch.radii.get());
+                });
 }
 
 void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -322,8 +348,8 @@ void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std
                     .nodes = map_.tree.nodes.Read(gpu.queue()),
                     .min_ids = map_.tree.min_ids.Read(gpu.queue()),
                     .photons = map_.tree.photons.Read(gpu.queue())};
-    moments_ = MakeBuffer<PowerMoments>(gpu.memory(), gpu.queue(),
-                                        ComputeMoments(tree, map_.powers.Read(gpu.queue())));
+    moments_ = MakeBuffer<PowerMoments>(
+        gpu.memory(), gpu.queue(), ComputeMoments(tree, PowersOf(map_.powers.Read(gpu.queue()))));
   }
   PacedLaunches(
       gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {

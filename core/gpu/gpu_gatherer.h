@@ -16,9 +16,8 @@ struct DeviceMap {
   Gpu gpu;
   DeviceTree tree;
   DeviceWideTree wide;
-  Buffer<float> powers;         ///< [3n] or empty, in order of photon index, W
-  Buffer<cl_short> directions;  ///< [2n] or empty, in order of photon index, octahedral
-  MortonGrid grid{};            ///< of the 30-bit codes: queries are worked on in its order
+  Buffer<PhotonPower> powers;  ///< [n], in order of photon index; empty where neither was uploaded
+  MortonGrid grid{};           ///< of the 30-bit codes: queries are worked on in its order
   TreeKind kind = TreeKind::kKdTree;
   std::size_t photon_count = 0;
   bool has_powers = false;

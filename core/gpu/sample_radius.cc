@@ -27,10 +27,9 @@ float SampleGatherRadius(const Gpu& gpu, const DeviceTree& tree,
   const Buffer<cl_uint> unused(gpu.memory(), 0);
   const std::size_t group = kSubGroupSize;  // few queries: many groups
   Launch(gpu, gpu.gather, "gather_nearest", kRadiusSamples, group, tree.nodes.get(),
-         tree.min_ids.get(), tree.photons.get(), unused.get(), unused.get(), positions_in.get(),
-         unused.get(), unused.get(), unused.get(), params, unused.get(), radii.get(), unused.get(),
-         unused.get(), unused.get(), unused.get(), unused.get(),
-         cl::Local(params.k * group * sizeof(cl_ulong)));
+         tree.min_ids.get(), tree.photons.get(), unused.get(), positions_in.get(), unused.get(),
+         unused.get(), unused.get(), params, unused.get(), radii.get(), unused.get(), unused.get(),
+         unused.get(), unused.get(), unused.get(), cl::Local(params.k * group * sizeof(cl_ulong)));
   return MedianRadius(radii.Read(gpu.queue()));
 }
 

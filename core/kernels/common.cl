@@ -9,6 +9,11 @@ float3 load_position(global const float* restrict positions, const uint i) {
   return vload3(i, positions) + 0.0f;
 }
 
+// The photon at place `i` of the leaf order: x, y, z, the bits of its index. One read of 16 bytes.
+float4 load_photon(global const LeafPhoton* restrict photons, const uint i) {
+  return ((global const float4*)photons)[i];
+}
+
 // Unsigned number that orders as `value` does; value is not NaN.
 uint ordered_bits(const float value) {
   const uint bits = as_uint(value);

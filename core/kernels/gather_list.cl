@@ -25,7 +25,7 @@ kernel void gather_list(global const Node* restrict nodes,
     bool descend = false;
     if ((link & kLeafBit) != 0) {
       for (uint i = 0; i < count; ++i) {
-        const float4 photon = vload4((link & ~kLeafBit) + i, (global const float*)photons);
+        const float4 photon = load_photon(photons, (link & ~kLeafBit) + i);
         const float d2 = photon_squared_distance(q, photon);
         if (d2 <= r2) sift_up(heap, 1, size++, candidate(d2, as_uint(photon.w)));
       }

@@ -45,8 +45,7 @@ float nearest_error_bound(const bool full, const float farthest, const float giv
 /// @param nodes         [node_count]
 /// @param min_ids       [2 * node_count] smallest photon index below each left, right child
 /// @param photons       [n] in leaf order
-/// @param powers        [3n] in order of index, W; read for kOutputDensity
-/// @param directions    [n] octahedral, in order of index; read where has_normals
+/// @param powers        [n] in order of index; read for kOutputDensity
 /// @param positions     [3m] queries, scene units
 /// @param order         [m] queries in the order of work; read where has_order
 /// @param radii_in      [m] scene units; read where has_radii
@@ -58,8 +57,7 @@ float nearest_error_bound(const bool full, const float farthest, const float giv
 /// @param error_bounds  [m] out
 kernel void gather_nearest(global const Node* restrict nodes, global const uint* restrict min_ids,
                            global const LeafPhoton* restrict photons,
-                           global const float* restrict powers,
-                           global const short2* restrict directions,
+                           global const PhotonPower* restrict powers,
                            global const float* restrict positions,
                            global const uint* restrict order, global const float* restrict radii_in,
                            global const float* restrict normals, const GatherParams params,
@@ -99,7 +97,7 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
       // Try the photons of a leaf.
       tested += count;
       for (uint i = 0; i < count; ++i) {
-        const float4 photon = vload4((link & ~kLeafBit) + i, (global const float*)photons);
+        const float4 photon = load_photon(photons, (link & ~kLeafBit) + i);
         const ulong value = candidate(photon_squared_distance(q, photon), as_uint(photon.w));
         if (value >= worst) continue;
         if (size < params.k) {
@@ -165,7 +163,7 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
     for (uint i = 0; i < size; ++i) {
       const ulong value = heap[i * stride];
       add_density(&sum, params, query, (uint)value, as_float((uint)(value >> 32)), r2, powers,
-                  directions, normals);
+                  normals);
     }
     vstore3(finish_density(sum, r2), query, densities);
   }

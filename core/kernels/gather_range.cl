@@ -5,8 +5,7 @@
 /// for.
 kernel void gather_range(global const Node* restrict nodes,
                          global const LeafPhoton* restrict photons,
-                         global const float* restrict powers,
-                         global const short2* restrict directions,
+                         global const PhotonPower* restrict powers,
                          global const float* restrict positions, global const uint* restrict order,
                          global const float* restrict radii_in,
                          global const float* restrict normals, const GatherParams params,
@@ -31,12 +30,12 @@ kernel void gather_range(global const Node* restrict nodes,
     if ((link & kLeafBit) != 0) {
       tested += count;
       for (uint i = 0; i < count; ++i) {
-        const float4 photon = vload4((link & ~kLeafBit) + i, (global const float*)photons);
+        const float4 photon = load_photon(photons, (link & ~kLeafBit) + i);
         const float d2 = photon_squared_distance(q, photon);
         if (d2 > r2) continue;
         ++found;
         if (sums)
-          add_density(&sum, params, query, as_uint(photon.w), d2, r2, powers, directions, normals);
+          add_density(&sum, params, query, as_uint(photon.w), d2, r2, powers, normals);
       }
     } else {
       const Children children = load_children(nodes, link);

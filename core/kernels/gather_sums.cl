@@ -51,7 +51,7 @@ bool is_summed(const GatherParams params, const float near, const float far, con
 kernel void gather_sums(global const Node* restrict nodes,
                         global const PowerMoments* restrict moments,
                         global const LeafPhoton* restrict photons,
-                        global const float* restrict powers,
+                        global const PhotonPower* restrict powers,
                         global const float* restrict positions, global const uint* restrict order,
                         global const float* restrict radii_in, const GatherParams params,
                         global uint* restrict counts, global float* restrict radii,
@@ -75,11 +75,12 @@ kernel void gather_sums(global const Node* restrict nodes,
     if ((link & kLeafBit) != 0) {
       tested += count;
       for (uint i = 0; i < count; ++i) {
-        const float4 photon = vload4((link & ~kLeafBit) + i, (global const float*)photons);
+        const float4 photon = load_photon(photons, (link & ~kLeafBit) + i);
         const float d2 = photon_squared_distance(q, photon);
         if (d2 > r2) continue;
         ++found;
-        sum += density_weight(params.density_kernel, d2, r2) * vload3(as_uint(photon.w), powers);
+        sum += density_weight(params.density_kernel, d2, r2) *
+               ((global const float4*)powers)[as_uint(photon.w)].xyz;
       }
     } else {
       const Children children = load_children(nodes, link);

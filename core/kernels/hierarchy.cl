@@ -30,7 +30,7 @@ kernel void hierarchy(global const uchar* restrict levels, global const uint* re
   ulong climb = 0;
   float3 low = INFINITY, high = -INFINITY;
   for (uint i = 0; i < count; ++i) {
-    const float4 photon = vload4(firsts[a] + i, (global const float*)photons);
+    const float4 photon = load_photon(photons, firsts[a] + i);
     low = fmin(low, photon.xyz);
     high = fmax(high, photon.xyz);
     min_id = min(min_id, as_uint(photon.w));

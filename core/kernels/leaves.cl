@@ -1,20 +1,9 @@
 // Leaves: the maximal subtrees of at most B photons, and the photons in leaf order. A leaf begins
-// behind each boundary whose node is larger.
+// behind each boundary whose node is larger. Uses large_subtree.cl.
 
 #ifndef GROUP_SIZE
 #define GROUP_SIZE 256
 #endif
-
-// Whether the node at boundary `at` holds more than `cap` photons: it reaches over all boundaries on
-// either side with larger levels. `levels`: from boundary `base` on.
-bool is_large(local const uchar* levels, const uint base, const uint at, const uint n,
-              const uint cap) {
-  const uchar level = levels[at - base];
-  uint a = at, b = at + 1;
-  while (a > 0 && levels[a - 1 - base] > level && b - a < cap) --a;
-  while (b + 1 < n && levels[b - base] > level && b - a < cap) ++b;
-  return b - a + 1 > cap;
-}
 
 /// Marks the first photon of each leaf. One work-item per photon, work-groups of GROUP_SIZE, a
 /// multiple of 32.

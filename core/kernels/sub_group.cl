@@ -13,8 +13,7 @@ uint sub_group_vote(const bool predicate) {
   uint votes;
   asm volatile("{ .reg .pred p; setp.ne.u32 p, %1, 0; vote.sync.ballot.b32 %0, p, 0xffffffff; }"
                : "=r"(votes)
-               : "r"((uint)predicate)
-               : "memory");
+               : "r"((uint)predicate));
   return votes;
 }
 
@@ -42,6 +41,15 @@ uint sub_group_broadcast(const uint value, const uint from) {
   asm volatile("shfl.sync.idx.b32 %0, %1, %2, 31, 0xffffffff;"
                : "=r"(result)
                : "r"(value), "r"(from));
+  return result;
+}
+
+// The value of the item whose lane differs from this one's by the bits of `mask`.
+uint sub_group_exchange(const uint value, const uint mask) {
+  uint result;
+  asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 31, 0xffffffff;"
+               : "=r"(result)
+               : "r"(value), "r"(mask));
   return result;
 }
 

@@ -209,7 +209,7 @@ kernel void sweep_subtrees(global const LeafPhoton* restrict photons,
   for (uint i = item; i < padded; i += items) {
     // Slots without a photon come last on every axis.
     const float4 photon =
-        i < count ? vload4(first + i, (global const float*)photons) : (float4)(INFINITY);
+        i < count ? load_photon(photons, first + i) : (float4)(INFINITY);
     tree.coordinates[0][i] = photon.x;
     tree.coordinates[1][i] = photon.y;
     tree.coordinates[2][i] = photon.z;

@@ -10,7 +10,10 @@ ulong pending(const float d2, const uint slot) { return ((ulong)as_uint(d2) << 3
 // same order of operations, so it is never above that of any photon of the box: culling by it is
 // exact.
 float box_squared_distance(const float3 q, const float3 low, const float3 high) {
-  const float3 d = fmax(fmax(low - q, q - high), 0.0f);
+  // Floats from 0 up are ordered as their bits are, and what is below 0 is below as both: integers
+  // have an instruction for the largest of three.
+  const int3 bits = max(max(as_int3(low - q), as_int3(q - high)), 0);
+  const float3 d = as_float3(bits);
   return (d.x * d.x + d.y * d.y) + d.z * d.z;
 }
 
@@ -68,10 +71,11 @@ bool comes_from_front(const short2 direction, const float3 normal) {
 
 // Adds the photon `id` to a density sum.
 void add_density(float3* sum, const GatherParams params, const uint query, const uint id,
-                 const float d2, const float r2, global const float* restrict powers,
-                 global const short2* restrict directions, global const float* restrict normals) {
-  if (params.has_normals && !comes_from_front(directions[id], vload3(query, normals))) return;
-  *sum += density_weight(params.density_kernel, d2, r2) * vload3(id, powers);
+                 const float d2, const float r2, global const PhotonPower* restrict powers,
+                 global const float* restrict normals) {
+  const float4 power = ((global const float4*)powers)[id];
+  if (params.has_normals && !comes_from_front(as_short2(power.w), vload3(query, normals))) return;
+  *sum += density_weight(params.density_kernel, d2, r2) * power.xyz;
 }
 
 // Density of a sum over a disc of squared radius r2; 0 where the disc has no area or no end.

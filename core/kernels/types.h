@@ -61,26 +61,38 @@ typedef struct LeafPhoton {
   uint id;
 } LeafPhoton;
 
+/** What a photon carries beside its position, in the order of upload: 16 bytes, read at once. */
+typedef struct PhotonPower {
+  float power[3];     /**< W, RGB */
+  short direction[2]; /**< of travel, octahedral (Cigolle et al. 2014) */
+} PhotonPower;
+
 /** Photons of a block of the wide tree, at most, but for a block that is a leaf of more. */
 TREELIGHT_SHARED kBlockSize = 32u;
 
-/** Levels of the wide tree, at most: 32^7 > 2^32. */
+/** Levels of the wide tree, at most, and blocks that they are enough for. */
 enum { kMaxWideLevels = 7 };
+TREELIGHT_SHARED kMaxWideBlocks = 1u << 27;
 
 /** Child of a node of the wide tree: 32 bytes. */
 typedef struct WideBox {
   float min[3];
   uint min_id; /**< smallest photon index below */
   float max[3];
-  uint first; /**< of a block: its first photon in leaf order; else undefined */
+  uint first; /**< of a block its first photon in leaf order, of a node its first child */
 } WideBox;
 
-/** Where the levels of the wide tree lie in its array, blocks first. Level 0 is followed by a box
- * whose `first` ends the last block. */
+/** Where the levels of the wide tree lie in its array, blocks first. The last box of a level is
+ * followed by one whose `first` ends it. */
 typedef struct WideTree {
-  uint level_count;
-  uint offsets[kMaxWideLevels], counts[kMaxWideLevels];
+  uint offsets[kMaxWideLevels];
 } WideTree;
+
+/** What the device alone knows of a wide tree. */
+typedef struct WideSizes {
+  uint level_count;
+  uint counts[kMaxWideLevels]; /**< boxes of each level; at most 32 on the last */
+} WideSizes;
 
 /** Maps a position to a Morton cell: cell = min((p - min) * prescale * scale, cells - 1), each
  * product rounded. `prescale` is 1, or a power of two that lifts an extent too small for its
@@ -186,7 +198,7 @@ typedef struct TreeletParams {
 
 #ifndef __OPENCL_C_VERSION__
 static_assert(sizeof(Node) == 64 && sizeof(LeafPhoton) == 16 && sizeof(WideBox) == 32 &&
-              sizeof(PowerMoments) == 64);
+              sizeof(PhotonPower) == 16 && sizeof(PowerMoments) == 64);
 }  // namespace treelight
 #endif
 #undef TREELIGHT_SHARED

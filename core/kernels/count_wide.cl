@@ -1,0 +1,110 @@
+// How many photons lie within a radius, by sub-groups: 32 items walk the wide tree together for
+// QUERIES neighbouring queries, one child or one photon to an item, each item with counts of its
+// own. Uses traverse.cl, sub_group.cl and wide_tree.cl.
+// -DQUERIES: of one sub-group. -DSUB_GROUPS: of one work-group.
+
+#define EACH_QUERY _Pragma("unroll") for (uint j = 0; j < QUERIES; ++j)
+
+/// Counts. One sub-group per QUERIES queries, 1D range of SUB_GROUPS * 32 * any; arguments as
+/// gather_wide.
+kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) void count_wide(
+    global const WideBox* restrict boxes, const WideTree wide,
+    global const WideSizes* restrict sizes, global const LeafPhoton* restrict photons,
+    global const float* restrict positions, global const uint* restrict order,
+    global const float* restrict radii_in, const GatherParams params, global uint* restrict counts,
+    global float* restrict radii) {
+  local uint all_waiting[SUB_GROUPS * kMaxWideLevels], all_firsts[SUB_GROUPS * kMaxWideLevels];
+  local float4 all_places[SUB_GROUPS * QUERIES];  // x, y, z, squared radius
+  const uint lane = sub_group_lane();
+  const uint sub_group = sub_group_max(get_local_id(0) / SUB_GROUP_SIZE);
+  // The children that wait at each level, as bits, and the first of them; the same from all items.
+  local uint* waiting = all_waiting + sub_group * kMaxWideLevels;
+  local uint* firsts = all_firsts + sub_group * kMaxWideLevels;
+  local float4* places = all_places + sub_group * QUERIES;
+
+  const uint first_place = (get_group_id(0) * SUB_GROUPS + sub_group) * QUERIES;
+  if (first_place >= params.count) return;
+  const uint query_count = min(params.count - first_place, (uint)QUERIES);
+  if (lane < QUERIES) {
+    // Behind the last query comes the last again.
+    const uint place = params.first + first_place + min(lane, query_count - 1);
+    const uint query = params.has_order ? order[place] : place;
+    const float radius = radius_of(params, query, radii_in);
+    places[lane] = (float4)(vload3(query, positions), radius * radius);
+  }
+  sub_group_sync();
+  float4 q[QUERIES];
+  uint found[QUERIES];  // by this item
+  float smallest = INFINITY;
+  EACH_QUERY {
+    q[j] = places[j];
+    found[j] = 0;
+    smallest = fmin(smallest, q[j].w);
+  }
+  const uint level_count = sizes->level_count;
+  uint level = level_count, first = 0, count = sizes->counts[level_count - 1];
+  while (true) {
+    --level;
+    bool touched = false;
+    uint begin = 0, end = 0;
+    if (lane < count) {
+      global const WideBox* box = boxes + wide.offsets[level] + first + lane;
+      const float4 low = ((global const float4*)box)[0], high = ((global const float4*)box)[1];
+      EACH_QUERY touched |= box_squared_distance(q[j].xyz, low.xyz, high.xyz) <= q[j].w;
+      if (level == 0) {
+        begin = as_uint(high.w);
+        end = box[1].first;
+        const float3 sides = high.xyz - low.xyz;
+        if (touched && dot(sides, sides) <= smallest) {
+          // A small block may lie within all radii that it touches: counted without its photons.
+          bool whole = true;
+          EACH_QUERY {
+            whole &= far_squared_distance(q[j].xyz, low.xyz, high.xyz) <= q[j].w ||
+                     box_squared_distance(q[j].xyz, low.xyz, high.xyz) > q[j].w;
+          }
+          if (whole) {
+            EACH_QUERY if (box_squared_distance(q[j].xyz, low.xyz, high.xyz) <= q[j].w)
+                found[j] += end - begin;
+            touched = false;
+          }
+        }
+      }
+    }
+    uint children = sub_group_vote(touched);
+    if (level == 0) {
+      for (; children != 0; children &= children - 1) {
+        const uint chosen = ctz(children);
+        uint base = sub_group_max(lane == chosen ? begin : 0);
+        const uint block_end = sub_group_max(lane == chosen ? end : 0);
+        for (; base < block_end; base += SUB_GROUP_SIZE) {
+          const float4 photon = load_photon(photons, min(base + lane, block_end - 1));
+          const bool valid = base + lane < block_end;
+          EACH_QUERY found[j] +=
+              valid && photon_squared_distance(q[j].xyz, photon) <= q[j].w ? 1 : 0;
+        }
+      }
+    }
+    while (children == 0 && ++level < level_count) {
+      // The same for all items, and known to be.
+      children = sub_group_max(waiting[level]);
+      first = firsts[level];
+    }
+    if (level >= level_count) break;
+    const uint chosen = ctz(children);
+    waiting[level] = children & (children - 1);
+    firsts[level] = first;
+    global const WideBox* node = boxes + wide.offsets[level] + first + chosen;
+    first = node[0].first;
+    count = node[1].first - first;
+  }
+  uint own = 0;  // of query `lane`
+  EACH_QUERY {
+    const uint sum = sub_group_add(found[j]);
+    if (lane == j) own = sum;
+  }
+  if (lane >= query_count) return;
+  const uint place = params.first + first_place + lane;
+  const uint query = params.has_order ? order[place] : place;
+  if (params.outputs & kOutputCount) counts[query] = own;
+  if (params.outputs & kOutputRadius) radii[query] = radius_of(params, query, radii_in);
+}
