@@ -1,7 +1,9 @@
 #include "server/metrics_endpoint.h"
 
 #include <exception>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "fmt/format.h"
 
@@ -14,7 +16,9 @@ absl::StatusOr<std::unique_ptr<MetricsEndpoint>> MetricsEndpoint::Start(const st
   const std::string address =
       listen.starts_with("localhost:") ? "127.0.0.1" + listen.substr(listen.find(':')) : listen;
   try {
-    endpoint->exposer_ = std::make_unique<prometheus::Exposer>(address, /*num_threads=*/1);
+    // A request that comes half holds a thread until it is too late.
+    endpoint->exposer_ = std::make_unique<prometheus::Exposer>(std::vector<std::string>{
+        "listening_ports", address, "num_threads", "4", "request_timeout_ms", "2000"});
   } catch (const std::exception&) {  // says nothing of the cause
     return absl::UnavailableError(
         fmt::format("cannot listen on '{}' (--metrics-listen): the address is taken, not this "

@@ -1,6 +1,8 @@
 #include "server/request_log.h"
 
 #include <cmath>
+#include <future>
+#include <thread>
 #include <utility>
 
 #include "fmt/chrono.h"
@@ -14,6 +16,7 @@ namespace treelight::server {
 namespace {
 
 constexpr std::size_t kLinesAhead = 8192;
+constexpr auto kLongestEnd = std::chrono::seconds(2);
 
 /// ISO 8601 in UTC, with milliseconds.
 std::string FormatTime(std::chrono::system_clock::time_point time) {
@@ -110,8 +113,8 @@ absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& 
   std::unique_ptr<RequestLog> log(new RequestLog);
   log->file_ = log_file;
   log->writer_ = std::make_shared<spdlog::details::thread_pool>(kLinesAhead, 1);
-  log->logger_ = std::make_shared<spdlog::async_logger>("requests", std::move(sink), log->writer_,
-                                                        spdlog::async_overflow_policy::block);
+  log->logger_ = std::make_shared<spdlog::async_logger>(
+      "requests", std::move(sink), log->writer_, spdlog::async_overflow_policy::overrun_oldest);
   log->logger_->set_pattern("%v");
   log->logger_->flush_on(spdlog::level::info);
   return log;
@@ -119,13 +122,27 @@ absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& 
 
 RequestLog::~RequestLog() {
   logger_.reset();
-  writer_.reset();  // the last reference: joins the writer when its queue is empty
+  std::promise<void> written;
+  const std::future<void> end = written.get_future();
+  // The last reference joins the writer when its queue is empty, which may be never.
+  std::thread([writer = std::move(writer_), written = std::move(written)]() mutable {
+    writer.reset();
+    written.set_value();
+  }).detach();
+  end.wait_for(kLongestEnd);
 }
 
 absl::Status RequestLog::Reopen() { return file_ == nullptr ? absl::OkStatus() : file_->Reopen(); }
 
 void RequestLog::Write(const RequestRecord& record, const absl::Status& status) {
-  logger_->info(ToJson(record, status, std::chrono::system_clock::now()));
+  const auto now = std::chrono::system_clock::now();
+  // Told once there is room again, or it would be lost in turn.
+  if (std::size_t told = told_lost_, lost = writer_->overrun_counter();
+      lost > told && writer_->queue_size() < kLinesAhead / 2 &&
+      told_lost_.compare_exchange_strong(told, lost)) {
+    logger_->info(R"({{"time":"{}","lines_lost":{}}})", FormatTime(now), lost - told);
+  }
+  logger_->info(ToJson(record, status, now));
 }
 
 }  // namespace treelight::server

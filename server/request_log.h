@@ -1,7 +1,9 @@
 #ifndef TREELIGHT_SERVER_REQUEST_LOG_H_
 #define TREELIGHT_SERVER_REQUEST_LOG_H_
 
+#include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -64,14 +66,15 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
                    std::chrono::system_clock::time_point time);
 
 /// The request log: a line of JSON for each request. Safe to call from several threads at once. A
-/// thread of its own writes; should the disk or the pipe fall thousands of lines behind, callers
-/// wait for it, so that no line is lost.
+/// thread of its own writes, and no caller waits for it: should the disk or a pipe's reader fall
+/// 8192 lines behind, the oldest of them are dropped, and a line with `lines_lost` tells how many.
 class RequestLog {
  public:
   /// `file` is appended to; empty: stderr. PERMISSION_DENIED: see LogFile::Open.
   static absl::StatusOr<std::unique_ptr<RequestLog>> Open(const std::string& file);
 
-  /// Writes what is left.
+  /// Writes what is left, for at most two seconds: a reader that stands still does not hold up the
+  /// end of the server.
   ~RequestLog();
 
   void Write(const RequestRecord& record, const absl::Status& status);
@@ -86,6 +89,7 @@ class RequestLog {
   std::shared_ptr<spdlog::details::thread_pool> writer_;
   std::shared_ptr<spdlog::async_logger> logger_;
   std::shared_ptr<LogFile> file_;  // null: stderr
+  std::atomic<std::size_t> told_lost_ = 0;
 };
 
 }  // namespace treelight::server

@@ -193,6 +193,12 @@ class NamingLock {
   const FileHandle folder_;
 };
 
+/// Makes the entry of the new folder `path` last through a loss of power; returns an errno, or 0.
+int SyncParent(const std::string& path) {
+  const FileHandle handle(open((path + "/..").c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  return handle.get() >= 0 && fsync(handle.get()) == 0 ? 0 : errno;
+}
+
 }  // namespace
 
 std::string SnapshotName(std::string_view name, std::uint64_t version) {
@@ -204,7 +210,11 @@ absl::StatusOr<std::unique_ptr<SnapshotFolder>> SnapshotFolder::Open(const std::
     return absl::PermissionDeniedError(
         fmt::format("data folder '{}': {}", path, std::strerror(error)));
   };
-  if (mkdir(path.c_str(), 0700) != 0 && errno != EEXIST) return failed(errno);
+  if (mkdir(path.c_str(), 0700) == 0) {
+    if (const int error = SyncParent(path); error != 0) return failed(error);
+  } else if (errno != EEXIST) {
+    return failed(errno);
+  }
   const int handle = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (handle < 0) return failed(errno);
   return std::unique_ptr<SnapshotFolder>(new SnapshotFolder(path, handle));

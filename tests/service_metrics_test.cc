@@ -1,8 +1,13 @@
+#include <sys/socket.h>
+
+#include <chrono>
 #include <map>
 #include <set>
 #include <sstream>
+#include <string>
 #include <vector>
 
+#include "server/file_handle.h"
 #include "tests/gated_service.h"
 #include "tests/http_get.h"
 
@@ -154,6 +159,21 @@ TEST_F(ServiceMetricsTest, StagesAndSlowRequestsAreTold) {
   const auto lines = LogByMethod();
   EXPECT_EQ(lines.at("Gather").value("slow", false), true);
   EXPECT_FALSE(lines.at("BuildPhotonMap").contains("slow"));
+}
+
+TEST_F(ServiceMetricsTest, RequestsThatComeHalfHoldUpNoScrape) {
+  StartGated();
+  // As many as there are threads to answer.
+  std::vector<server::FileHandle> half;
+  for (int i = 0; i < 4; ++i) {
+    half.emplace_back(ConnectTo(server_->metrics_port()));
+    const std::string begin = "GET /metrics HTTP/1.1\r\n";
+    ASSERT_EQ(send(half.back().get(), begin.data(), begin.size(), MSG_NOSIGNAL),
+              static_cast<ssize_t>(begin.size()));
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_FALSE(Scrape().empty());
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(15));
 }
 
 TEST_F(ServiceMetricsTest, NoIdIsALabel) {
