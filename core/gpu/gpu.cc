@@ -41,12 +41,12 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
       fmt::format("{} -DTIE_SHORT_RUN={} -DTIE_BOUNDARIES={}", sub_groups, kTieShortRun,
                   kTieBoundaries));
   for (std::size_t i = 0; i < kListRows.size(); ++i) {
-    gpu.gather_wide[i] =
-        device.Program({"traverse.cl", "sub_group.cl", "candidate_list.cl", "gather_wide.cl"},
-                       fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));
+    gpu.gather_wide[i] = device.Program(
+        {"traverse.cl", "sub_group.cl", "wide_walk.cl", "candidate_list.cl", "gather_wide.cl"},
+        fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));
   }
   gpu.count_wide = device.Program(
-      {"traverse.cl", "sub_group.cl", "count_wide.cl"},
+      {"traverse.cl", "sub_group.cl", "wide_walk.cl", "count_wide.cl"},
       fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kCountQueries, kSubGroupsPerGroup));
   return gpu;
 }

@@ -10,6 +10,7 @@
 
 #include "core/device/guard.h"
 #include "core/device/stage_timer.h"
+#include "core/gpu/batch_buffers.h"
 #include "core/gpu/morton.h"
 #include "core/gpu/paced_launches.h"
 #include "core/gpu/photon_powers.h"
@@ -29,14 +30,6 @@ constexpr std::size_t kSortedQueries = 4096;
 constexpr std::uint32_t kMinWideK = 17;
 // Space for heaps in global memory, where k is too large for local memory.
 constexpr std::size_t kGlobalHeapBytes = std::size_t{256} << 20;
-
-/// The arrays of one batch on the device.
-struct BatchBuffers {
-  Buffer<float> positions, radii_in, normals;
-  Buffer<cl_uint> order;
-  Buffer<cl_uint> counts, neighbor_ids, visited, tested;
-  Buffer<float> radii, neighbor_d2, densities, error_bounds;
-};
 
 /// The lists of a gather without a cap, as GatherResult holds them.
 struct NeighborLists {
@@ -100,7 +93,6 @@ class GpuGatherer : public Gatherer {
   absl::Status CheckFits(const GatherQueries& queries, const GatherOptions& options) const;
   GatherResult Run(const GatherQueries& queries, const GatherOptions& options,
                    const CancelCheck& cancelled) const;
-  BatchBuffers Upload(const GatherQueries& queries, const GatherOptions& options) const;
   GatherParams MakeParams(const GatherQueries& queries, const GatherOptions& options) const;
   void GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
                      const Approximation& approximation, const CancelCheck& cancelled) const;
@@ -153,26 +145,6 @@ absl::Status GpuGatherer::CheckFits(const GatherQueries& queries,
                   queries.size(), options.k, bytes, limit, limit / (options.k * sizeof(cl_uint))));
 }
 
-BatchBuffers GpuGatherer::Upload(const GatherQueries& queries, const GatherOptions& options) const {
-  const Gpu& gpu = map_.gpu;
-  const std::size_t m = queries.size();
-  const auto wants = [&](std::uint32_t output) { return (options.outputs & output) != 0; };
-  BatchBuffers batch;
-  batch.positions = MakeBuffer(gpu.memory(), gpu.queue(), queries.positions);
-  batch.radii_in = MakeBuffer(gpu.memory(), gpu.queue(), queries.radii);
-  batch.normals = MakeBuffer(gpu.memory(), gpu.queue(), queries.normals);
-  const bool lists = wants(kOutputNeighbors) && options.k == 0;
-  batch.counts = Buffer<cl_uint>(gpu.memory(), wants(kOutputCount) || lists ? m : 0);
-  batch.radii = Buffer<float>(gpu.memory(), wants(kOutputRadius) ? m : 0);
-  batch.densities = Buffer<float>(gpu.memory(), wants(kOutputDensity) ? 3 * m : 0);
-  batch.neighbor_ids = Buffer<cl_uint>(gpu.memory(), wants(kOutputNeighbors) ? m * options.k : 0);
-  batch.neighbor_d2 = Buffer<float>(gpu.memory(), wants(kOutputNeighbors) ? m * options.k : 0);
-  batch.error_bounds = Buffer<float>(gpu.memory(), options.approximation.any() ? m : 0);
-  batch.visited = Buffer<cl_uint>(gpu.memory(), wants(kOutputStatistics) ? m : 0);
-  batch.tested = Buffer<cl_uint>(gpu.memory(), wants(kOutputStatistics) ? m : 0);
-  return batch;
-}
-
 GatherParams GpuGatherer::MakeParams(const GatherQueries& queries,
                                      const GatherOptions& options) const {
   GatherParams params{};
@@ -199,7 +171,7 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   const std::size_t m = queries.size();
   GatherResult result;
   StageTimer timer(gpu.queue());
-  BatchBuffers batch = Upload(queries, options);
+  BatchBuffers batch = UploadBatch(gpu, queries, options);
   timer.Mark("upload");
 
   GatherParams params = MakeParams(queries, options);
@@ -262,13 +234,11 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
   }
   per_launch = std::min(per_launch, (count + group - 1) / group * group);
   const auto launch = [&](const cl::Program& program, const auto&... heaps_and_bounds) {
-    PacedLaunches(gpu, count, per_launch, cancelled, [&](std::size_t first, std::size_t part) {
-      params.first = static_cast<cl_uint>(first);
-      params.count = static_cast<cl_uint>(part);
-      Launch(gpu, program, "gather_nearest", part, group, map_.tree.nodes.get(),
+    PacedLaunches(gpu, params, count, per_launch, cancelled, [&](const GatherParams& part) {
+      Launch(gpu, program, "gather_nearest", part.count, group, map_.tree.nodes.get(),
              map_.tree.min_ids.get(), map_.tree.photons.get(), map_.powers.get(),
              batch.positions.get(), batch.order.get(), batch.radii_in.get(), batch.normals.get(),
-             params, batch.counts.get(), batch.radii.get(), batch.neighbor_ids.get(),
+             part, batch.counts.get(), batch.radii.get(), batch.neighbor_ids.get(),
              batch.neighbor_d2.get(), batch.densities.get(), batch.visited.get(),
              batch.tested.get(), heaps_and_bounds...);
     });
@@ -291,18 +261,15 @@ void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std
   const Gpu& gpu = map_.gpu;
   const std::size_t variant =
       std::lower_bound(kListK.begin(), kListK.end(), params.k) - kListK.begin();
-  PacedLaunches(gpu, count, QueriesPerLaunch(), cancelled,
-                [&](std::size_t first, std::size_t part) {
-                  params.first = static_cast<cl_uint>(first);
-                  params.count = static_cast<cl_uint>(part);
-                  Launch(gpu, gpu.gather_wide[variant], "gather_wide",
-                         (part + kWideQueries - 1) / kWideQueries * kSubGroupSize,
-                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-                         map_.wide.sizes.get(), map_.tree.photons.get(), map_.powers.get(),
-                         batch.positions.get(), batch.order.get(), batch.radii_in.get(),
-                         batch.normals.get(), params, batch.counts.get(), batch.radii.get(),
-                         batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get());
-                });
+  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+    Launch(gpu, gpu.gather_wide[variant], "gather_wide",
+           (part.count + kWideQueries - 1) / kWideQueries * kSubGroupSize,
+           kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
+           map_.wide.sizes.get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
+           batch.order.get(), batch.radii_in.get(), batch.normals.get(), part, batch.counts.get(),
+           batch.radii.get(), batch.neighbor_ids.get(), batch.neighbor_d2.get(),
+           batch.densities.get());
+  });
 }
 
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -312,31 +279,24 @@ void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, st
   }
   if (CountsInWideTree(params.outputs)) return CountWide(batch, params, count, cancelled);
   const Gpu& gpu = map_.gpu;
-  PacedLaunches(
-      gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
-        params.first = static_cast<cl_uint>(first);
-        params.count = static_cast<cl_uint>(part);
-        Launch(gpu, gpu.gather, "gather_range", part, GatherGroupSize(), map_.tree.nodes.get(),
-               map_.tree.photons.get(), map_.powers.get(), batch.positions.get(), batch.order.get(),
-               batch.radii_in.get(), batch.normals.get(), params, batch.counts.get(),
-               batch.radii.get(), batch.densities.get(), batch.visited.get(), batch.tested.get());
-      });
+  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+    Launch(gpu, gpu.gather, "gather_range", part.count, GatherGroupSize(), map_.tree.nodes.get(),
+           map_.tree.photons.get(), map_.powers.get(), batch.positions.get(), batch.order.get(),
+           batch.radii_in.get(), batch.normals.get(), part, batch.counts.get(), batch.radii.get(),
+           batch.densities.get(), batch.visited.get(), batch.tested.get());
+  });
 }
 
 void GpuGatherer::CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
                             const CancelCheck& cancelled) const {
   const Gpu& gpu = map_.gpu;
-  PacedLaunches(gpu, count, QueriesPerLaunch(), cancelled,
-                [&](std::size_t first, std::size_t part) {
-                  params.first = static_cast<cl_uint>(first);
-                  params.count = static_cast<cl_uint>(part);
-                  Launch(gpu, gpu.count_wide, "count_wide",
-                         (part + kCountQueries - 1) / kCountQueries * kSubGroupSize,
-                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-                         map_.wide.sizes.get(), map_.tree.photons.get(), batch.positions.get(),
-                         batch.order.get(), batch.radii_in.get(), params, batch.counts.get(),
-                         batch.radii.get());
-                });
+  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+    Launch(gpu, gpu.count_wide, "count_wide",
+           (part.count + kCountQueries - 1) / kCountQueries * kSubGroupSize,
+           kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
+           map_.wide.sizes.get(), map_.tree.photons.get(), batch.positions.get(), batch.order.get(),
+           batch.radii_in.get(), part, batch.counts.get(), batch.radii.get());
+  });
 }
 
 void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -351,16 +311,13 @@ void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std
     moments_ = MakeBuffer<PowerMoments>(
         gpu.memory(), gpu.queue(), ComputeMoments(tree, PowersOf(map_.powers.Read(gpu.queue()))));
   }
-  PacedLaunches(
-      gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
-        params.first = static_cast<cl_uint>(first);
-        params.count = static_cast<cl_uint>(part);
-        Launch(gpu, program, "gather_sums", part, GatherGroupSize(), map_.tree.nodes.get(),
-               moments_->get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
-               batch.order.get(), batch.radii_in.get(), params, batch.counts.get(),
-               batch.radii.get(), batch.densities.get(), batch.visited.get(), batch.tested.get(),
-               batch.error_bounds.get());
-      });
+  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+    Launch(gpu, program, "gather_sums", part.count, GatherGroupSize(), map_.tree.nodes.get(),
+           moments_->get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
+           batch.order.get(), batch.radii_in.get(), part, batch.counts.get(), batch.radii.get(),
+           batch.densities.get(), batch.visited.get(), batch.tested.get(),
+           batch.error_bounds.get());
+  });
 }
 
 NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params,
@@ -389,14 +346,11 @@ NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams p
   const std::vector<cl_ulong> firsts(lists.offsets.begin(), lists.offsets.end());
   const auto offsets = MakeBuffer<cl_ulong>(gpu.memory(), gpu.queue(), firsts);
   const Buffer<cl_ulong> candidates(gpu.memory(), total);
-  PacedLaunches(
-      gpu, count, QueriesPerLaunch(), cancelled, [&](std::size_t first, std::size_t part) {
-        params.first = static_cast<cl_uint>(first);
-        params.count = static_cast<cl_uint>(part);
-        Launch(gpu, gpu.gather_global, "gather_list", part, GatherGroupSize(),
-               map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(),
-               batch.order.get(), batch.radii_in.get(), params, offsets.get(), candidates.get());
-      });
+  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+    Launch(gpu, gpu.gather_global, "gather_list", part.count, GatherGroupSize(),
+           map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(), batch.order.get(),
+           batch.radii_in.get(), part, offsets.get(), candidates.get());
+  });
   const std::vector<cl_ulong> found = candidates.Read(gpu.queue());
   lists.ids.resize(total);
   lists.squared_distances.resize(total);

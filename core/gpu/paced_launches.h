@@ -6,18 +6,19 @@
 #include <cstddef>
 
 #include "core/gpu/gpu.h"
+#include "core/kernels/types.h"
 
 namespace treelight {
 
-/// Calls `launch(first, count)`, which enqueues kernels, for consecutive parts of [0, total) of at
-/// most `largest` each.
+/// Calls `launch(part)`, which enqueues kernels, for consecutive parts of [0, total) of at most
+/// `largest` each; `part` is `params` with its first and count.
 ///
 /// What one query costs is not known before: with a `cancelled` each part is waited for, and the
 /// next is sized to take about 20 ms, so that a call that is cancelled stops soon and others get
 /// their turn. Without one all parts are enqueued at once. Throws StatusError, CANCELLED, between
 /// parts.
 template <typename LaunchPart>
-void PacedLaunches(const Gpu& gpu, std::size_t total, std::size_t largest,
+void PacedLaunches(const Gpu& gpu, GatherParams params, std::size_t total, std::size_t largest,
                    const CancelCheck& cancelled, LaunchPart&& launch) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::duration<double> kPart = std::chrono::milliseconds(20);
@@ -27,7 +28,9 @@ void PacedLaunches(const Gpu& gpu, std::size_t total, std::size_t largest,
     ThrowIfCancelled(cancelled);
     const std::size_t count = std::min(part, total - first);
     const auto begin = Clock::now();
-    launch(first, count);
+    params.first = static_cast<cl_uint>(first);
+    params.count = static_cast<cl_uint>(count);
+    launch(params);
     first += count;
     if (!cancelled) continue;
     gpu.queue().finish();

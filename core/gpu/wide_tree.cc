@@ -30,10 +30,10 @@ DeviceWideTree BuildWideTree(const Gpu& gpu, const DeviceTree& tree, const Leave
   DeviceWideTree wide;
   const cl_uint block_count = tree.block_count;
   if (block_count > kMaxWideBlocks) return wide;
-  // As many as leave no more levels than there may be.
+  // As many begins as leave no more levels than there may be.
   cl_uint max_begins = 4;
-  while (BoundLevels(block_count, max_begins).size() > kMaxWideLevels) --max_begins;
-  const std::vector<cl_uint> bounds = BoundLevels(block_count, max_begins);
+  std::vector<cl_uint> bounds = BoundLevels(block_count, max_begins);
+  while (bounds.size() > kMaxWideLevels) bounds = BoundLevels(block_count, --max_begins);
   cl_uint size = 0;
   for (std::size_t level = 0; level < bounds.size(); ++level) {
     wide.shape.offsets[level] = size;

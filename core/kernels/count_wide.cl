@@ -1,9 +1,7 @@
 // How many photons lie within a radius, by sub-groups: 32 items walk the wide tree together for
 // QUERIES neighbouring queries, one child or one photon to an item, each item with counts of its
-// own. Uses traverse.cl, sub_group.cl and wide_tree.cl.
+// own. Uses traverse.cl, sub_group.cl, wide_walk.cl and the tree of wide_tree.cl.
 // -DQUERIES: of one sub-group. -DSUB_GROUPS: of one work-group.
-
-#define EACH_QUERY _Pragma("unroll") for (uint j = 0; j < QUERIES; ++j)
 
 /// Counts. One sub-group per QUERIES queries, 1D range of SUB_GROUPS * 32 * any; arguments as
 /// gather_wide.
@@ -25,14 +23,7 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
   const uint first_place = (get_group_id(0) * SUB_GROUPS + sub_group) * QUERIES;
   if (first_place >= params.count) return;
   const uint query_count = min(params.count - first_place, (uint)QUERIES);
-  if (lane < QUERIES) {
-    // Behind the last query comes the last again.
-    const uint place = params.first + first_place + min(lane, query_count - 1);
-    const uint query = params.has_order ? order[place] : place;
-    const float radius = radius_of(params, query, radii_in);
-    places[lane] = (float4)(vload3(query, positions), radius * radius);
-  }
-  sub_group_sync();
+  load_places(params, first_place, query_count, order, positions, radii_in, places);
   float4 q[QUERIES];
   uint found[QUERIES];  // by this item
   float smallest = INFINITY;
@@ -63,8 +54,8 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
                      box_squared_distance(q[j].xyz, low.xyz, high.xyz) > q[j].w;
           }
           if (whole) {
-            EACH_QUERY if (box_squared_distance(q[j].xyz, low.xyz, high.xyz) <= q[j].w)
-                found[j] += end - begin;
+            EACH_QUERY if (box_squared_distance(q[j].xyz, low.xyz, high.xyz) <= q[j].w) found[j] +=
+                end - begin;
             touched = false;
           }
         }
@@ -103,8 +94,7 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
     if (lane == j) own = sum;
   }
   if (lane >= query_count) return;
-  const uint place = params.first + first_place + lane;
-  const uint query = params.has_order ? order[place] : place;
+  const uint query = query_at(params, order, first_place + lane);
   if (params.outputs & kOutputCount) counts[query] = own;
   if (params.outputs & kOutputRadius) radii[query] = radius_of(params, query, radii_in);
 }

@@ -2,13 +2,11 @@
 // QUERIES neighbouring queries, one child or one photon to an item. Candidates are appended to a
 // list for each query; a full list is cut. Queries, bounds and lengths of lists are in registers,
 // the same for all items: loops over queries are unrolled. Uses traverse.cl, sub_group.cl,
-// candidate_list.cl and wide_tree.cl.
+// wide_walk.cl, candidate_list.cl and the tree of wide_tree.cl.
 // -DQUERIES: of one sub-group. -DLIST_ROWS: k is at most (LIST_ROWS - 2) * 32. -DSUB_GROUPS: of one
 // work-group.
 
 #define LIST_KEPT (LIST_SIZE - 2 * SUB_GROUP_SIZE)  // at most so many are left when a list is cut
-
-#define EACH_QUERY _Pragma("unroll") for (uint j = 0; j < QUERIES; ++j)
 
 // Guesses the squared radius that holds somewhat more than k photons: from 32 blocks near the
 // query, those with the nearest centres. Each item has one block of `count` photons and centre at
@@ -29,10 +27,8 @@ float guess_squared_radius(const float d2, const uint count, const uint k) {
   return as_float(high);
 }
 
-
-
 // Squared distance from the box to the nearest query that may have use for it; INFINITY: none has.
-// Where photons lie `careful`ly at bounds, indices decide too.
+// `careful`: of boxes just at the bound those alone with an index that is small enough.
 float squared_reach(const float3* q, const float* worst, local const uint* worst_ids,
                     const bool careful, const float4 low, const float4 high) {
   float reach = INFINITY;
@@ -62,11 +58,10 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
     global const WideBox* restrict boxes, const WideTree wide,
     global const WideSizes* restrict sizes, global const LeafPhoton* restrict photons,
     global const PhotonPower* restrict powers, global const float* restrict positions,
-    global const uint* restrict order,
-    global const float* restrict radii_in, global const float* restrict normals,
-    const GatherParams params, global uint* restrict counts, global float* restrict radii,
-    global uint* restrict neighbor_ids, global float* restrict neighbor_d2,
-    global float* restrict densities) {
+    global const uint* restrict order, global const float* restrict radii_in,
+    global const float* restrict normals, const GatherParams params, global uint* restrict counts,
+    global float* restrict radii, global uint* restrict neighbor_ids,
+    global float* restrict neighbor_d2, global float* restrict densities) {
   local float4 all_places[SUB_GROUPS * QUERIES];  // x, y, z, squared radius
   local uint all_worst_ids[SUB_GROUPS * QUERIES];
   local uint2 all_lists[SUB_GROUPS * QUERIES * LIST_SIZE];
@@ -85,15 +80,8 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
   const uint first_place = (get_group_id(0) * SUB_GROUPS + sub_group) * QUERIES;
   if (first_place >= params.count) return;
   const uint query_count = min(params.count - first_place, (uint)QUERIES);
-  if (lane < QUERIES) {
-    // Behind the last query comes the last again.
-    const uint place = params.first + first_place + min(lane, query_count - 1);
-    const uint query = params.has_order ? order[place] : place;
-    const float radius = radius_of(params, query, radii_in);
-    places[lane] = (float4)(vload3(query, positions), radius * radius);
-    worst_ids[lane] = NOTHING;
-  }
-  sub_group_sync();
+  if (lane < QUERIES) worst_ids[lane] = NOTHING;
+  load_places(params, first_place, query_count, order, positions, radii_in, places);
   float3 q[QUERIES];
   float worst[QUERIES];  // squared; below 0: of a query that is done
   uint tail[QUERIES];    // where the list ends among all_lists
@@ -250,8 +238,7 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
     uint2 sorted[SORTED_ROWS];
     sort_list(all_lists + lists + i * LIST_SIZE, found, params.k, sorted);
     found = min(found, params.k);
-    const uint place = params.first + first_place + i;
-    const uint query = params.has_order ? order[place] : place;
+    const uint query = query_at(params, order, first_place + i);
     const float radius = radius_of(params, query, radii_in);
     float r2 = radius * radius;
     if (found == params.k) {

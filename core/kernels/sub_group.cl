@@ -56,7 +56,7 @@ uint sub_group_exchange(const uint value, const uint mask) {
 // Sum over the sub-group, the same bits for all items: added in the order of a butterfly.
 float sub_group_sum(float value) {
   for (uint step = 1; step < SUB_GROUP_SIZE; step *= 2) {
-    value += as_float(sub_group_broadcast(as_uint(value), sub_group_lane() ^ step));
+    value += as_float(sub_group_exchange(as_uint(value), step));
   }
   return value;
 }

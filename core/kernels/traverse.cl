@@ -83,9 +83,14 @@ float3 finish_density(const float3 sum, const float r2) {
   return r2 > 0 && r2 < INFINITY ? sum / (M_PI_F * r2) : (float3)(0.0f);
 }
 
+// The query that is worked on at `place` of this launch.
+uint query_at(const GatherParams params, global const uint* restrict order, const uint place) {
+  const uint at = params.first + place;
+  return params.has_order ? order[at] : at;
+}
+
 uint query_of(const GatherParams params, global const uint* restrict order) {
-  const uint place = params.first + get_global_id(0);
-  return params.has_order ? order[place] : place;
+  return query_at(params, order, get_global_id(0));
 }
 
 float radius_of(const GatherParams params, const uint query, global const float* restrict radii) {

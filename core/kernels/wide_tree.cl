@@ -2,17 +2,17 @@
 // kBlockSize photons, then nodes, the maximal subtrees of at most 32 members of the level below,
 // level by level, up to at most 32. Uses sub_group.cl and large_subtree.cl.
 //
-// Where subtrees are so uneven that many nodes would have few members, 32 neighbours become one node
-// instead, so that a level has at most (max_begins + 1) / 32 of the members of the one below.
+// Where subtrees are so uneven that many nodes would have few members, 32 neighbours become one
+// node instead, so that a level has at most (max_begins + 1) / 32 of the members of the one below.
 
 #ifndef GROUP_SIZE
 #define GROUP_SIZE 256
 #endif
 
-#define MEMBERS 32                     // of a node, at most
-#define NODE_TILE (GROUP_SIZE - 64)    // members of one work-group
-#define TILE_WORDS (GROUP_SIZE / 32)   // of bits of its members, the one before and the one after
-#define NODE_REACH (MEMBERS + 1)       // boundaries looked at on either side
+#define MEMBERS 32                    // of a node, at most
+#define NODE_TILE (GROUP_SIZE - 64)   // members of one work-group
+#define TILE_WORDS (GROUP_SIZE / 32)  // of bits of its members, the one before and the one after
+#define NODE_REACH (MEMBERS + 1)      // boundaries looked at on either side
 
 /// Lists the first photon of each block, and n behind them. One work-item per leaf and one more.
 /// @param places  [leaf_count + 1] exclusive sum of the flags of hierarchy.cl
@@ -89,8 +89,7 @@ void find_nodes(global const uchar* meets, const uint n, const uint tile, const 
   for (int at = base + (int)item; at < end; at += GROUP_SIZE) window[at - base] = meets[at];
   // All of the window is read by any item.
   barrier(CLK_LOCAL_MEM_FENCE);
-  const bool begins =
-      i >= 0 && i < (int)n && (i == 0 || is_large(window, base, i - 1, n, MEMBERS));
+  const bool begins = i >= 0 && i < (int)n && (i == 0 || is_large(window, base, i - 1, n, MEMBERS));
   const uint votes = sub_group_vote(begins);
   if (item % 32 == 0) words[word] = votes;
   // All words are written ...
@@ -147,7 +146,8 @@ uint make_nodes(global WideBox* boxes, const uint below, const uint n, const uin
 
 /// Counts the nodes that begin in each tile. One work-group of GROUP_SIZE per tile of NODE_TILE
 /// members; more than there are do nothing.
-/// @param meets   [2 * stride] split levels between members, in the first half where `level` is even
+/// @param meets   [2 * stride] split levels between members, in the first half where `level` is
+/// even
 /// @param sizes   [1] knows the number of members: counts[level]
 /// @param counts  [tiles] out
 kernel void wide_counts(global const uchar* restrict meets, const uint stride,
@@ -182,8 +182,8 @@ kernel void wide_nodes(global WideBox* boxes, const WideTree tree, global uchar*
   if (sub_group_lane() == 0) atomic_add(&place, before);
   // All have added.
   barrier(CLK_LOCAL_MEM_FENCE);
-  const uint count = make_nodes(boxes, tree.offsets[level], n, at, place, tile, words, begins,
-                                meets_of, above);
+  const uint count =
+      make_nodes(boxes, tree.offsets[level], n, at, place, tile, words, begins, meets_of, above);
   if ((tile + 1) * NODE_TILE >= n && get_local_id(0) == 0) {
     boxes[at + place + count].first = n;
     sizes->counts[level + 1] = place + count;
