@@ -36,9 +36,10 @@ need() {
 expect() { grep -qF -- "$2" "$3" || { cat "$3" >&2; fail "$1: nothing says '$2'"; }; }
 
 folder=$(mktemp -d)
-containers=()
+containers=() volumes=()
 clean_up() {
   [ ${#containers[@]} -eq 0 ] || engine rm -fv "${containers[@]}"
+  [ ${#volumes[@]} -eq 0 ] || engine volume rm -f "${volumes[@]}"
   [ -z "${composed:-}" ] || uncompose
   [ -z "${played:-}" ] || unplay
   rm -rf "$folder"
@@ -184,6 +185,7 @@ client trace --scene cornell --photons 20000 --caustic-photons 0 --output photon
 client build --photons photons.ply --name room
 client gather --map room --queries photons.ply --k 8 --radius 0.1 --outputs count,neighbors,density --output before.csv
 [ "$(wc -l <"$folder/work/before.csv")" -gt 20000 ] || fail 'the gather has fewer answers than questions'
+client gather --map room --queries photons.ply --k 8 --radius 0.1 --outputs count,radius,neighbors --output exact.csv
 client render --scene cornell --width 96 --height 96 --photons 100000 --output room.exr --output room.png
 client render --scene cornell --width 96 --height 96 --reference --spp 64 --output reference.exr
 client compare room.exr reference.exr | tee "$folder/compare.log"
@@ -221,6 +223,43 @@ echo 'the map is there and answers with the same bytes'
 uncompose
 composed=
 
+say 'PoCL in the image: kernels in a volume'
+# Not even podman's folders in memory: a read-only root and the volumes.
+strict=(--read-only --cap-drop ALL --security-opt no-new-privileges)
+[ "$engine" = docker ] || strict+=(--read-only-tmpfs=false)
+compiled=$project-compiled kernels=$project-kernels
+containers+=("$compiled") volumes+=("$kernels")
+# serve_compiled: a server whose kernels PoCL compiles, or finds in the volume.
+serve_compiled() {
+  engine run -d --name "$compiled" "${strict[@]}" -v "$kernels:/var/cache/treelight" -e TREELIGHT_INSECURE=true \
+    -e TREELIGHT_DEVICE=pthread treelight >/dev/null
+  SECONDS=0
+  wait_healthy "$compiled"
+}
+# kernel_files: those that are kept, and when they were written.
+kernel_files() {
+  engine exec "$compiled" find /var/cache/treelight '(' -name '*.clbin' -o -name '*.so' ')' -printf '%p %T@\n' | sort
+}
+ask_compiled() {
+  engine run --rm --no-healthcheck --network "container:$compiled" --user "$(id -u):$(id -g)" \
+    -v "$folder/work:/work" -w /work --entrypoint treelight treelight:slim --server localhost:7543 "$@"
+}
+serve_compiled
+first=$SECONDS
+ask_compiled info >"$folder/info.log" 2>&1 || { cat "$folder/info.log" >&2; fail 'the server with PoCL is not reached'; }
+expect 'info of the server with PoCL' 'pthread' "$folder/info.log"
+ask_compiled build --photons photons.ply --name room
+ask_compiled gather --map room --queries photons.ply --k 8 --radius 0.1 --outputs count,radius,neighbors --output pocl.csv
+cmp "$folder/work/exact.csv" "$folder/work/pocl.csv" || fail 'PoCL gives other answers than the CPU without OpenCL'
+kernel_files >"$folder/kernels.before"
+grep -q clbin "$folder/kernels.before" || fail 'no kernel is kept in the volume'
+engine rm -fv "$compiled" >/dev/null
+serve_compiled
+kernel_files >"$folder/kernels.after"
+cmp "$folder/kernels.before" "$folder/kernels.after" || fail 'the next server compiles its kernels again'
+echo "healthy after $first s, and after $SECONDS s with the kernels of the volume; the same answers as without OpenCL, bit for bit"
+engine rm -fv "$compiled" >/dev/null
+
 say 'TLS and tokens'
 need openssl openssl
 # make_certificate PREFIX NAME: PREFIX.crt and PREFIX.key for NAME.
@@ -242,9 +281,6 @@ make_certificate "$secrets/server" localhost
 make_token "$secrets"
 secured=$project-secured
 containers+=("$secured")
-# Not even podman's folders in memory: a read-only root and the volumes.
-strict=(--read-only --cap-drop ALL --security-opt no-new-privileges)
-[ "$engine" = docker ] || strict+=(--read-only-tmpfs=false)
 engine run -d --name "$secured" "${strict[@]}" -v "$secrets:/secrets:ro" -v "$folder/work:/work:ro" \
   -e TREELIGHT_TLS_CERT=/secrets/server.crt -e TREELIGHT_TLS_KEY=/secrets/server.key \
   -e TREELIGHT_TOKEN_FILE=/secrets/tokens treelight >/dev/null
