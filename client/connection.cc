@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "fmt/format.h"
+#include "grpc/grpc.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/security/credentials.h"
 #include "grpcpp/support/client_interceptor.h"
@@ -117,6 +118,9 @@ bool IsLocal(const std::string& target) {
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> MakeChannel(const std::string& target,
                                                            const ConnectionOptions& options) {
+  // gRPC stays initialised until the process ends: the last shutdown of 1.51 waits for a thread of
+  // its own, which polls for ten seconds where a write had to wait for the socket.
+  [[maybe_unused]] static const bool initialised = (grpc_init(), true);
   const auto credentials = MakeCredentials(options);
   if (!credentials.ok()) return credentials.status();
   std::vector<std::unique_ptr<ClientInterceptorFactoryInterface>> interceptors;

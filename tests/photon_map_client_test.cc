@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "gmock/gmock.h"
+#include "grpc/grpc.h"
 #include "tests/server_fixture.h"
 
 namespace treelight::client {
@@ -51,6 +52,14 @@ void ExpectSameBits(const GatherResult& actual, const GatherResult& expected) {
   EXPECT_EQ(actual.neighbor_squared_distances, expected.neighbor_squared_distances);
   EXPECT_EQ(actual.neighbor_offsets, expected.neighbor_offsets);
   EXPECT_EQ(actual.densities, expected.densities);  // the server runs the same brute force
+}
+
+// Its last shutdown may take ten seconds.
+TEST(PhotonMapClient, LeavesGrpcInitialised) {
+  auto client = PhotonMapClient::Connect("unix:/nobody/listens", {});
+  ASSERT_TRUE(client.ok()) << client.status();
+  client->reset();
+  EXPECT_NE(grpc_is_initialized(), 0);
 }
 
 TEST_F(PhotonMapClientTest, GathersOfAnySizeAgreeWithBruteForce) {
