@@ -1,8 +1,9 @@
 #include "core/builder.h"
 
-#include <cmath>
+#include <limits>
 
 #include "absl/status/status.h"
+#include "core/model/first_beyond.h"
 #include "fmt/format.h"
 
 namespace treelight {
@@ -150,18 +151,16 @@ absl::Status CheckBuild(const Photons& photons, const BuildOptions& options) {
     return absl::ResourceExhaustedError(
         fmt::format("photons: {}, a map holds at most {}", photons.size(), kLeafBit - 1));
   }
-  for (std::size_t i = 0; i < photons.positions.size(); ++i) {
-    if (!(std::fabs(photons.positions[i]) <= kMaxCoordinate)) {  // also catches NaN
-      return absl::InvalidArgumentError(
-          fmt::format("positions[{}] of photon {} is {}, it must be finite and within {:g}", i,
-                      i / 3, photons.positions[i], kMaxCoordinate));
-    }
+  if (const std::size_t i = FirstBeyond(photons.positions, kMaxCoordinate);
+      i < photons.positions.size()) {
+    return absl::InvalidArgumentError(
+        fmt::format("positions[{}] of photon {} is {}, it must be finite and within {:g}", i, i / 3,
+                    photons.positions[i], kMaxCoordinate));
   }
-  for (std::size_t i = 0; i < photons.powers.size(); ++i) {
-    if (!std::isfinite(photons.powers[i])) {
-      return absl::InvalidArgumentError(fmt::format(
-          "powers[{}] of photon {} is {}, it must be finite", i, i / 3, photons.powers[i]));
-    }
+  if (const std::size_t i = FirstBeyond(photons.powers, std::numeric_limits<float>::max());
+      i < photons.powers.size()) {
+    return absl::InvalidArgumentError(fmt::format(
+        "powers[{}] of photon {} is {}, it must be finite", i, i / 3, photons.powers[i]));
   }
   return CheckBuildOptions(options);
 }

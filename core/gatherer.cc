@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "absl/status/status.h"
+#include "core/model/first_beyond.h"
 #include "fmt/format.h"
 
 namespace treelight {
@@ -20,14 +21,11 @@ absl::Status CheckPositions(std::span<const float> positions) {
     return absl::InvalidArgumentError(
         fmt::format("positions: {} numbers are no multiple of 3", positions.size()));
   }
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    if (!(std::fabs(positions[i]) <= kMaxCoordinate)) {  // also catches NaN
-      return absl::InvalidArgumentError(
-          fmt::format("positions[{}] of query {} is {}, it must be finite and within {:g}", i,
-                      i / 3, positions[i], kMaxCoordinate));
-    }
-  }
-  return absl::OkStatus();
+  const std::size_t i = FirstBeyond(positions, kMaxCoordinate);
+  if (i == positions.size()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("positions[{}] of query {} is {}, it must be finite and within {:g}", i, i / 3,
+                  positions[i], kMaxCoordinate));
 }
 
 absl::Status CheckRadii(const GatherQueries& queries, const GatherOptions& options) {

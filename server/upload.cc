@@ -1,10 +1,12 @@
 #include "server/upload.h"
 
-#include <cmath>
+#include <limits>
 #include <new>
+#include <span>
 #include <string_view>
 #include <utility>
 
+#include "core/model/first_beyond.h"
 #include "fmt/format.h"
 #include "server/break_switch.h"
 #include "server/wire_array.h"
@@ -34,13 +36,11 @@ absl::Status CheckLength(std::string_view field, std::size_t bytes, bool announc
 /// Checks the numbers of `array` from `first` on, three to a photon.
 absl::Status CheckNumbers(std::string_view field, const std::vector<float>& array,
                           std::size_t first, float limit) {
-  for (std::size_t i = first; i < array.size(); ++i) {
-    if (std::fabs(array[i]) <= limit) continue;  // false for NaN
-    return absl::InvalidArgumentError(
-        fmt::format("chunk.{}: number {} of photon {} is {}, it must be finite and within {:g}",
-                    field, i % 3, i / 3, array[i], limit));
-  }
-  return absl::OkStatus();
+  const std::size_t i = first + FirstBeyond(std::span(array).subspan(first), limit);
+  if (i == array.size()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("chunk.{}: number {} of photon {} is {}, it must be finite and within {:g}",
+                  field, i % 3, i / 3, array[i], limit));
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ void CheckCodes(const std::vector<float>& positions, const MortonGrid& grid, int
                 const std::string& what) {
   const std::size_t count = positions.size() / 3;
   KeyValues<Key> codes(TestGpu().memory(), count);
-  ComputeMortonCodes(TestGpu(), Upload(positions), count, grid, codes);
+  ComputeMortonCodes(TestGpu(), Upload(positions), count, Upload<MortonGrid>({grid}), codes);
   const auto keys = codes.keys.Read(TestGpu().queue());
   const auto values = codes.values.Read(TestGpu().queue());
   const auto expected = reference::MortonCodes(positions, grid, bits_per_axis);

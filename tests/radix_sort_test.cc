@@ -55,6 +55,24 @@ TEST(RadixSortTest, SortedReversedAndEqualKeys) {
   CheckSort<cl_ulong>(std::vector<cl_ulong>(70001, ~cl_ulong{0}), 64);
 }
 
+TEST(RadixSortTest, ASortIsSparedByALargeNumberAlone) {
+  for (const unsigned bits : {8u, 16u, 30u}) {  // an odd number of passes, and even ones
+    const auto keys = RandomKeys<cl_uint>(20011, bits, 7);
+    std::vector<cl_uint> values(keys.size());
+    std::iota(values.begin(), values.end(), 0u);
+    for (const cl_int found : {-5, 10, 11}) {
+      KeyValues<cl_uint> pairs(TestGpu().memory(), keys.size());
+      pairs.keys.Write(TestGpu().queue(), keys);
+      pairs.values.Write(TestGpu().queue(), values);
+      RadixSort(TestGpu(), pairs, keys.size(), bits, {Upload<cl_int>({found}), 10});
+      std::vector<cl_uint> expected = keys;
+      if (found <= 10) std::sort(expected.begin(), expected.end());
+      EXPECT_EQ(pairs.keys.Read(TestGpu().queue()), expected) << bits << " " << found;
+      EXPECT_EQ(pairs.values.Read(TestGpu().queue()) == values, found > 10) << bits << " " << found;
+    }
+  }
+}
+
 TEST(RadixSortTest, FreshKeysAgreeWithStableSort) {
   const unsigned seed = std::random_device{}();
   SCOPED_TRACE(seed);

@@ -29,7 +29,7 @@ std::unique_ptr<Gatherer> OnDevice(const Tree& tree, const Photons& photons) {
   map.tree.min_ids = Upload(tree.min_ids);
   map.tree.photons = Upload(tree.photons);
   map.powers = UploadPowers(TestGpu(), photons);
-  map.grid = MakeMortonGrid({}, 10);
+  map.grid = Upload<MortonGrid>({MakeMortonGrid({}, 10)});
   map.photon_count = photons.size();
   map.has_powers = !photons.powers.empty();
   map.max_leaf_size = tree.max_leaf_size;

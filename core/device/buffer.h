@@ -33,10 +33,14 @@ class Buffer {
       queue.enqueueWriteBuffer(*memory_, CL_TRUE, 0, values.size_bytes(), values.data());
   }
 
-  /// Copies the first `count` elements to the host; waits for `queue`.
-  std::vector<T> Read(const cl::CommandQueue& queue, std::size_t count) const {
+  /// Copies the first `count` elements, or those from `first` on, to the host; waits for `queue`.
+  std::vector<T> Read(const cl::CommandQueue& queue, std::size_t count,
+                      std::size_t first = 0) const {
     std::vector<T> values(count);
-    if (count > 0) queue.enqueueReadBuffer(*memory_, CL_TRUE, 0, count * sizeof(T), values.data());
+    if (count > 0) {
+      queue.enqueueReadBuffer(*memory_, CL_TRUE, first * sizeof(T), count * sizeof(T),
+                              values.data());
+    }
     return values;
   }
   std::vector<T> Read(const cl::CommandQueue& queue) const { return Read(queue, size_); }

@@ -160,12 +160,12 @@ Device::Device(cl::Device device, DeviceInfo info, const DeviceOptions& options)
   has_sub_groups_ = HasPtx(context_, device_);
 }
 
-cl::Program Device::Program(const std::vector<std::string_view>& files,
-                            const std::string& defines) {
+cl::Program Device::Program(const std::vector<std::string_view>& files, const std::string& defines,
+                            const ResidentGroups& resident) {
   std::string source(KernelSource("types.h"));
   source += KernelSource("common.cl");
   for (const std::string_view file : files) source += KernelSource(file);
-  return programs_.Get(source, build_options_ + " " + defines);
+  return programs_.Get(source, build_options_ + " " + defines, resident);
 }
 
 }  // namespace treelight

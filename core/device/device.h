@@ -39,8 +39,9 @@ class Device {
   bool has_sub_groups() const { return has_sub_groups_; }
 
   /// The program of the embedded `files`, types.h and common.cl before them, built with the
-  /// device's options and `defines` ("-DKEY_BITS=32").
-  cl::Program Program(const std::vector<std::string_view>& files, const std::string& defines = {});
+  /// device's options and `defines` ("-DKEY_BITS=32"); see ProgramCache::Get.
+  cl::Program Program(const std::vector<std::string_view>& files, const std::string& defines = {},
+                      const ResidentGroups& resident = {});
 
  private:
   Device(cl::Device device, DeviceInfo info, const DeviceOptions& options);

@@ -30,10 +30,12 @@ constexpr char kMagic[8] = {'T', 'L', 'K', 'E', 'R', 'N', '0', '1'};
 ProgramCache::ProgramCache(cl::Context context, cl::Device device, std::filesystem::path directory)
     : context_(std::move(context)), device_(std::move(device)), directory_(std::move(directory)) {}
 
-cl::Program ProgramCache::Get(const std::string& source, const std::string& options) {
+cl::Program ProgramCache::Get(const std::string& source, const std::string& options,
+                              const ResidentGroups& resident) {
   const std::string identity = source + '\0' + options + '\0' + device_.getInfo<CL_DEVICE_NAME>() +
                                '\0' + device_.getInfo<CL_DEVICE_VERSION>() + '\0' +
-                               device_.getInfo<CL_DRIVER_VERSION>();
+                               device_.getInfo<CL_DRIVER_VERSION>() + '\0' + resident.kernel +
+                               '\0' + std::to_string(resident.groups);
   const XXH128_hash_t hash = XXH3_128bits(identity.data(), identity.size());
   const std::string key = fmt::format("{:016x}{:016x}", hash.high64, hash.low64);
 
@@ -43,8 +45,11 @@ cl::Program ProgramCache::Get(const std::string& source, const std::string& opti
     ++disk_hits_;
     return programs_.emplace(key, *std::move(loaded)).first->second;
   }
-  const cl::Program program = Compile(source, options);
+  cl::Program program = Compile(source, options);
   ++builds_;
+  if (resident.groups > 0) {
+    program = CompileAgain(program, options, resident).value_or(std::move(program));
+  }
   Save(key, program);
   return programs_.emplace(key, program).first->second;
 }
@@ -117,6 +122,22 @@ cl::Program ProgramCache::Compile(const std::string& source, const std::string& 
                                         program.getBuildInfo<CL_PROGRAM_BUILD_LOG>(device_))));
   }
   return program;
+}
+
+std::optional<cl::Program> ProgramCache::CompileAgain(const cl::Program& program,
+                                                      const std::string& options,
+                                                      const ResidentGroups& resident) const {
+  const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
+  if (binaries.empty()) return std::nullopt;
+  const std::string ptx = WithResidentGroups({binaries[0].begin(), binaries[0].end()}, resident);
+  if (ptx.empty()) return std::nullopt;
+  try {
+    cl::Program again(context_, {device_}, {std::vector<unsigned char>(ptx.begin(), ptx.end())});
+    again.build({device_}, options.c_str());
+    return again;
+  } catch (const cl::Error&) {
+    return std::nullopt;  // a driver that reads PTX of its own making only
+  }
 }
 
 std::filesystem::path DefaultCacheDirectory() {

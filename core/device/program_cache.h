@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/device/opencl.h"
+#include "core/device/resident_groups.h"
 
 namespace treelight {
 
@@ -22,9 +23,10 @@ class ProgramCache {
   /// `directory` is made when the first program is saved; empty: nothing is kept on disk.
   ProgramCache(cl::Context context, cl::Device device, std::filesystem::path directory);
 
-  /// The program of `source` built with `options`. Throws StatusError with the compiler's log where
-  /// it does not build.
-  cl::Program Get(const std::string& source, const std::string& options);
+  /// The program of `source` built with `options`; `resident` is a wish that a compiler without
+  /// PTX does not hear. Throws StatusError with the compiler's log where it does not build.
+  cl::Program Get(const std::string& source, const std::string& options,
+                  const ResidentGroups& resident = {});
 
   std::uint32_t disk_hits() const;  ///< programs that came from disk
   std::uint32_t builds() const;     ///< programs that were compiled
@@ -34,6 +36,8 @@ class ProgramCache {
   std::optional<cl::Program> Load(const std::string& key, const std::string& options) const;
   void Save(const std::string& key, const cl::Program& program) const;
   cl::Program Compile(const std::string& source, const std::string& options) const;
+  std::optional<cl::Program> CompileAgain(const cl::Program& program, const std::string& options,
+                                          const ResidentGroups& resident) const;
 
   cl::Context context_;
   cl::Device device_;

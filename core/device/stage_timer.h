@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_CORE_DEVICE_STAGE_TIMER_H_
 #define TREELIGHT_CORE_DEVICE_STAGE_TIMER_H_
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,14 +24,21 @@ class StageTimer {
     marks_.emplace_back(std::move(name), std::move(event));
   }
 
-  /// Waits for the last stage and returns all of them in order.
+  /// Waits for the last stage and returns all of them in order; of those with the same name the
+  /// sum.
   std::vector<StageTime> Finish() {
     queue_.finish();
     std::vector<StageTime> stages;
     for (std::size_t i = 1; i < marks_.size(); ++i) {
       const auto begin = marks_[i - 1].second.getProfilingInfo<CL_PROFILING_COMMAND_END>();
       const auto end = marks_[i].second.getProfilingInfo<CL_PROFILING_COMMAND_END>();
-      stages.push_back({marks_[i].first, static_cast<double>(end - begin) * 1e-3});
+      const double us = static_cast<double>(end - begin) * 1e-3;
+      const auto known = std::ranges::find(stages, marks_[i].first, &StageTime::stage);
+      if (known != stages.end()) {
+        known->microseconds += us;
+      } else {
+        stages.push_back({marks_[i].first, us});
+      }
     }
     return stages;
   }

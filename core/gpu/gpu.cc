@@ -11,19 +11,20 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
   const std::string group =
       fmt::format("-DGROUP_SIZE={} -DSCAN_ITEMS={} -DSORT_ITEMS={} -DTIE_ITEMS={}", kGroupSize,
                   kScanItems, kSortItems, kTieItems);
-  gpu.stages = device.Program(
-      {"bounds.cl", "morton.cl", "split_levels.cl", "ties.cl", "scan.cl", "large_subtree.cl",
-       "leaves.cl", "meeting.cl", "hierarchy.cl", "statistics.cl", "photon_powers.cl"},
-      group);
+  gpu.stages = device.Program({"bounds.cl", "morton.cl", "query_order.cl", "split_levels.cl",
+                               "ties.cl", "scan.cl", "large_subtree.cl", "leaves.cl", "meeting.cl",
+                               "hierarchy.cl", "statistics.cl", "photon_powers.cl"},
+                              group);
   if (device.has_sub_groups()) {
     const std::string tile = fmt::format("-DSWEEP_SUB_GROUPS={}", kSweepGroupSize / kSubGroupSize);
-    const auto sort = [&](int key_bits, std::size_t items) {
+    const auto sort = [&]<typename Key>(Key) {
       return device.Program(
           {"sub_group.cl", "radix_sort_onesweep.cl"},
-          fmt::format("{} -DSWEEP_ITEMS={} -DKEY_BITS={}", tile, items, key_bits));
+          fmt::format("{} -DSWEEP_ITEMS={} -DKEY_BITS={}", tile, kSweepItems<Key>, 8 * sizeof(Key)),
+          {"sweep_pass", kSweepResident<Key>});
     };
-    gpu.sort_32 = sort(32, kSweepItems<cl_uint>);
-    gpu.sort_64 = sort(64, kSweepItems<cl_ulong>);
+    gpu.sort_32 = sort(cl_uint{});
+    gpu.sort_64 = sort(cl_ulong{});
   } else {
     gpu.sort_32 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=32");
     gpu.sort_64 = device.Program({"scan.cl", "radix_sort.cl"}, group + " -DKEY_BITS=64");
@@ -43,11 +44,13 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
   for (std::size_t i = 0; i < kListRows.size(); ++i) {
     gpu.gather_wide[i] = device.Program(
         {"traverse.cl", "sub_group.cl", "wide_walk.cl", "candidate_list.cl", "gather_wide.cl"},
-        fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]));
+        fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]),
+        {"gather_wide", kWideResident[i]});
   }
-  gpu.count_wide = device.Program(
-      {"traverse.cl", "sub_group.cl", "wide_walk.cl", "count_wide.cl"},
-      fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kCountQueries, kSubGroupsPerGroup));
+  gpu.count_wide =
+      device.Program({"traverse.cl", "sub_group.cl", "wide_walk.cl", "count_wide.cl"},
+                     fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kCountQueries, kSubGroupsPerGroup),
+                     {"count_wide", kCountResident});
   return gpu;
 }
 

@@ -33,6 +33,12 @@ inline constexpr std::size_t kTieBoundaries = 8;
 /// Lists of gather_wide in local memory: places / 32, and the largest k that they can hold.
 inline constexpr std::array<std::uint32_t, 2> kListRows = {4, 6}, kListK = {64, 128};
 
+/// Groups of gather_wide by length of the lists, and of count_wide, that one multiprocessor of an
+/// H200 works on at once where it is fastest: with fewer registers each than the compiler takes, up
+/// to where they spill too much.
+inline constexpr std::array<unsigned, 2> kWideResident = {21, 0};
+inline constexpr unsigned kCountResident = 21;
+
 /// Queries of one sub-group of gather_wide.
 inline constexpr std::size_t kWideQueries = 4;
 
@@ -43,6 +49,10 @@ inline constexpr std::size_t kCountQueries = 8;
 inline constexpr std::size_t kSweepGroupSize = 384;
 template <typename Key>
 inline constexpr std::size_t kSweepItems = sizeof(Key) == 4 ? 16 : 8;
+
+/// Likewise of the one-sweep sort.
+template <typename Key>
+inline constexpr unsigned kSweepResident = sizeof(Key) == 4 ? 0 : 3;
 
 /// A device with the compiled kernels of all stages. Cheap to copy.
 struct Gpu {

@@ -2,6 +2,7 @@
 
 #include <mutex>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "core/cpu/cpu_builder.h"
@@ -65,7 +66,7 @@ struct SortedPhotons {
 
 template <typename Key>
 SortedPhotons SortPhotons(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
-                          const MortonGrid& grid, unsigned code_bits, StageTimer& timer) {
+                          const Buffer<MortonGrid>& grid, unsigned code_bits, StageTimer& timer) {
   KeyValues<Key> codes(gpu.memory(), count);
   ComputeMortonCodes(gpu, positions, count, grid, codes);
   timer.Mark("morton");
@@ -82,7 +83,7 @@ struct BuildInput {
   const Gpu& gpu;
   const std::vector<float>& host_positions;  ///< [3n] scene units
   Buffer<float> positions;                   ///< the same
-  Box bounds;
+  DeviceBounds bounds;
   const BuildOptions& options;
   const CancelCheck& cancelled;
   StageTimer& timer;
@@ -90,18 +91,34 @@ struct BuildInput {
   std::size_t count() const { return host_positions.size() / 3; }
 };
 
-PlacedPhotons PlaceLbvh(const BuildInput& in, std::uint32_t max_leaf_size) {
-  const auto bits = static_cast<unsigned>(in.options.morton_bits);
-  const MortonGrid grid = MakeMortonGrid(in.bounds, bits / 3);
-  SortedPhotons sorted =
-      in.options.morton_bits == MortonBits::k63
-          ? SortPhotons<cl_ulong>(in.gpu, in.positions, in.count(), grid, bits, in.timer)
-          : SortPhotons<cl_uint>(in.gpu, in.positions, in.count(), grid, bits, in.timer);
-  BreakTies(in.gpu, in.positions, in.count(), bits, max_leaf_size, sorted.ids, sorted.levels,
+/// Breaks the ties of sorted photons and finds their leaves.
+Leaves SplitTiedPhotons(const BuildInput& in, unsigned code_bits, std::uint32_t max_leaf_size,
+                        const SortedPhotons& sorted) {
+  if (in.gpu.device->has_sub_groups()) {
+    // Whether that was all is asked together with the number of leaves: one wait instead of two.
+    const Buffer<cl_uint> is_tied = BreakShortTies(in.gpu, in.positions, in.count(), code_bits,
+                                                   max_leaf_size, sorted.ids, sorted.levels);
+    in.timer.Mark("ties");
+    Leaves leaves = FindLeaves(in.gpu, sorted.levels, in.count(), max_leaf_size, is_tied);
+    in.timer.Mark("leaves");
+    if (!leaves.is_tied) return leaves;
+  }
+  BreakTies(in.gpu, in.positions, in.count(), code_bits, max_leaf_size, sorted.ids, sorted.levels,
             in.cancelled);
   in.timer.Mark("ties");
   Leaves leaves = FindLeaves(in.gpu, sorted.levels, in.count(), max_leaf_size);
   in.timer.Mark("leaves");
+  return leaves;
+}
+
+PlacedPhotons PlaceLbvh(const BuildInput& in, std::uint32_t max_leaf_size) {
+  const auto bits = static_cast<unsigned>(in.options.morton_bits);
+  SortedPhotons sorted = in.options.morton_bits == MortonBits::k63
+                             ? SortPhotons<cl_ulong>(in.gpu, in.positions, in.count(),
+                                                     in.bounds.grid_63, bits, in.timer)
+                             : SortPhotons<cl_uint>(in.gpu, in.positions, in.count(),
+                                                    in.bounds.grid_30, bits, in.timer);
+  Leaves leaves = SplitTiedPhotons(in, bits, max_leaf_size, sorted);
   Buffer<LeafPhoton> photons = PermutePhotons(in.gpu, in.positions, sorted.ids, in.count());
   in.timer.Mark("permute");
   ThrowIfCancelled(in.cancelled);
@@ -126,9 +143,10 @@ PlacedPhotons PlaceHybrid(const BuildInput& in, float& radius) {
     const Leaves leaves = FindLeaves(in.gpu, subtrees.levels, in.count(), kRadiusLeafSize);
     return BuildHierarchy(in.gpu, subtrees.levels, leaves, subtrees.photons);
   });
-  PlacedPhotons placed = SweepSubtrees(in.gpu, std::move(subtrees), in.options.subtree_size,
-                                       Measure(in.options.heuristic, in.bounds, radius),
-                                       in.options.leaf_term, in.options.max_leaf_size);
+  PlacedPhotons placed =
+      SweepSubtrees(in.gpu, std::move(subtrees), in.options.subtree_size,
+                    Measure(in.options.heuristic, in.bounds.ReadBox(in.gpu), radius),
+                    in.options.leaf_term, in.options.max_leaf_size);
   in.timer.Mark("sweep");
   return placed;
 }
@@ -138,8 +156,8 @@ PlacedPhotons PlaceTreelets(const BuildInput& in, float& radius) {
   const DeviceTree tree = BuildHierarchy(in.gpu, lbvh.levels, lbvh.leaves, std::move(lbvh.photons));
   in.timer.Mark("lbvh hierarchy");
   radius = ResolveRadius(in, [&] { return tree; });
-  const TreeletCost cost{Measure(in.options.heuristic, in.bounds, radius), in.options.leaf_term,
-                         in.options.max_leaf_size};
+  const TreeletCost cost{Measure(in.options.heuristic, in.bounds.ReadBox(in.gpu), radius),
+                         in.options.leaf_term, in.options.max_leaf_size};
   PlacedPhotons placed = RestructureTreelets(in.gpu, tree, lbvh.leaves, std::move(lbvh.levels),
                                              cost, TreeletOptionsOf(in.options), in.cancelled);
   in.timer.Mark("treelets");
@@ -219,7 +237,7 @@ class GpuBuilder : public Builder {
     timer.Mark("upload");
     in.bounds = ComputeBounds(gpu_, in.positions, photons.size());
     timer.Mark("bounds");
-    map.grid = MakeMortonGrid(in.bounds, 10);
+    map.grid = in.bounds.grid_30;
     if (photons.size() > 0) {
       ThrowIfCancelled(cancelled);
       BuildNodes(PlacePhotons(in, map.report.radius), map, timer);
@@ -236,8 +254,9 @@ class GpuBuilder : public Builder {
     map.report.radius = built.radius;
     map.report.stages = built.stages;
     const Root& root = built.tree.root;
-    map.grid = MakeMortonGrid(
+    const MortonGrid grid = MakeMortonGrid(
         {{root.min[0], root.min[1], root.min[2]}, {root.max[0], root.max[1], root.max[2]}}, 10);
+    map.grid = MakeBuffer(gpu_.memory(), gpu_.queue(), std::span(&grid, 1));
     if (photons.size() > 0) {
       PlacedPhotons placed = PlaceTree(gpu_, built.tree);
       timer.Mark("upload");

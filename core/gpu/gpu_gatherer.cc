@@ -11,10 +11,9 @@
 #include "core/device/guard.h"
 #include "core/device/stage_timer.h"
 #include "core/gpu/batch_buffers.h"
-#include "core/gpu/morton.h"
 #include "core/gpu/paced_launches.h"
 #include "core/gpu/photon_powers.h"
-#include "core/gpu/radix_sort.h"
+#include "core/gpu/query_order.h"
 #include "core/model/power_moments.h"
 #include "fmt/format.h"
 
@@ -127,6 +126,8 @@ class GpuGatherer : public Gatherer {
   std::size_t GatherGroupSize() const { return map_.gpu.device->is_cpu() ? 16 : 64; }
 
   DeviceMap map_;
+  /// Of whoever holds the device's mutex.
+  mutable LaunchPace pace_;
   /// Of the powers; computed by the first gather that adds up whole subtrees, which holds the
   /// device's mutex.
   mutable std::optional<Buffer<PowerMoments>> moments_;
@@ -170,19 +171,14 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   const Gpu& gpu = map_.gpu;
   const std::size_t m = queries.size();
   GatherResult result;
+  GatherParams params = MakeParams(queries, options);
   StageTimer timer(gpu.queue());
+  QueryOrder order(gpu);
   BatchBuffers batch = UploadBatch(gpu, queries, options);
   timer.Mark("upload");
 
-  GatherParams params = MakeParams(queries, options);
-  if (params.has_order != 0) {
-    KeyValues<cl_uint> codes(gpu.memory(), m);
-    ComputeMortonCodes(gpu, batch.positions, m, map_.grid, codes);
-    RadixSort(gpu, codes, m, 30);
-    batch.order = std::move(codes.values);
-  } else {
-    batch.order = Buffer<cl_uint>(gpu.memory(), 0);
-  }
+  batch.order = params.has_order != 0 ? order.Find(batch.positions, m, map_.grid)
+                                      : Buffer<cl_uint>(gpu.memory(), 0);
   if (UsesWideTree(options)) {
     GatherWide(batch, params, m, cancelled);
   } else if (options.k > 0) {
@@ -234,7 +230,7 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
   }
   per_launch = std::min(per_launch, (count + group - 1) / group * group);
   const auto launch = [&](const cl::Program& program, const auto&... heaps_and_bounds) {
-    PacedLaunches(gpu, params, count, per_launch, cancelled, [&](const GatherParams& part) {
+    PacedLaunches(gpu, pace_, params, count, per_launch, cancelled, [&](const GatherParams& part) {
       Launch(gpu, program, "gather_nearest", part.count, group, map_.tree.nodes.get(),
              map_.tree.min_ids.get(), map_.tree.photons.get(), map_.powers.get(),
              batch.positions.get(), batch.order.get(), batch.radii_in.get(), batch.normals.get(),
@@ -261,15 +257,16 @@ void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std
   const Gpu& gpu = map_.gpu;
   const std::size_t variant =
       std::lower_bound(kListK.begin(), kListK.end(), params.k) - kListK.begin();
-  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-    Launch(gpu, gpu.gather_wide[variant], "gather_wide",
-           (part.count + kWideQueries - 1) / kWideQueries * kSubGroupSize,
-           kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-           map_.wide.sizes.get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
-           batch.order.get(), batch.radii_in.get(), batch.normals.get(), part, batch.counts.get(),
-           batch.radii.get(), batch.neighbor_ids.get(), batch.neighbor_d2.get(),
-           batch.densities.get());
-  });
+  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
+                [&](const GatherParams& part) {
+                  Launch(gpu, gpu.gather_wide[variant], "gather_wide",
+                         (part.count + kWideQueries - 1) / kWideQueries * kSubGroupSize,
+                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
+                         map_.wide.sizes.get(), map_.tree.photons.get(), map_.powers.get(),
+                         batch.positions.get(), batch.order.get(), batch.radii_in.get(),
+                         batch.normals.get(), part, batch.counts.get(), batch.radii.get(),
+                         batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get());
+                });
 }
 
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -279,24 +276,28 @@ void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, st
   }
   if (CountsInWideTree(params.outputs)) return CountWide(batch, params, count, cancelled);
   const Gpu& gpu = map_.gpu;
-  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-    Launch(gpu, gpu.gather, "gather_range", part.count, GatherGroupSize(), map_.tree.nodes.get(),
-           map_.tree.photons.get(), map_.powers.get(), batch.positions.get(), batch.order.get(),
-           batch.radii_in.get(), batch.normals.get(), part, batch.counts.get(), batch.radii.get(),
-           batch.densities.get(), batch.visited.get(), batch.tested.get());
-  });
+  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
+                [&](const GatherParams& part) {
+                  Launch(gpu, gpu.gather, "gather_range", part.count, GatherGroupSize(),
+                         map_.tree.nodes.get(), map_.tree.photons.get(), map_.powers.get(),
+                         batch.positions.get(), batch.order.get(), batch.radii_in.get(),
+                         batch.normals.get(), part, batch.counts.get(), batch.radii.get(),
+                         batch.densities.get(), batch.visited.get(), batch.tested.get());
+                });
 }
 
 void GpuGatherer::CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
                             const CancelCheck& cancelled) const {
   const Gpu& gpu = map_.gpu;
-  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-    Launch(gpu, gpu.count_wide, "count_wide",
-           (part.count + kCountQueries - 1) / kCountQueries * kSubGroupSize,
-           kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-           map_.wide.sizes.get(), map_.tree.photons.get(), batch.positions.get(), batch.order.get(),
-           batch.radii_in.get(), part, batch.counts.get(), batch.radii.get());
-  });
+  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
+                [&](const GatherParams& part) {
+                  Launch(gpu, gpu.count_wide, "count_wide",
+                         (part.count + kCountQueries - 1) / kCountQueries * kSubGroupSize,
+                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
+                         map_.wide.sizes.get(), map_.tree.photons.get(), batch.positions.get(),
+                         batch.order.get(), batch.radii_in.get(), part, batch.counts.get(),
+                         batch.radii.get());
+                });
 }
 
 void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -311,13 +312,14 @@ void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std
     moments_ = MakeBuffer<PowerMoments>(
         gpu.memory(), gpu.queue(), ComputeMoments(tree, PowersOf(map_.powers.Read(gpu.queue()))));
   }
-  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-    Launch(gpu, program, "gather_sums", part.count, GatherGroupSize(), map_.tree.nodes.get(),
-           moments_->get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
-           batch.order.get(), batch.radii_in.get(), part, batch.counts.get(), batch.radii.get(),
-           batch.densities.get(), batch.visited.get(), batch.tested.get(),
-           batch.error_bounds.get());
-  });
+  PacedLaunches(
+      gpu, pace_, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+        Launch(gpu, program, "gather_sums", part.count, GatherGroupSize(), map_.tree.nodes.get(),
+               moments_->get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
+               batch.order.get(), batch.radii_in.get(), part, batch.counts.get(), batch.radii.get(),
+               batch.densities.get(), batch.visited.get(), batch.tested.get(),
+               batch.error_bounds.get());
+      });
 }
 
 NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params,
@@ -346,11 +348,12 @@ NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams p
   const std::vector<cl_ulong> firsts(lists.offsets.begin(), lists.offsets.end());
   const auto offsets = MakeBuffer<cl_ulong>(gpu.memory(), gpu.queue(), firsts);
   const Buffer<cl_ulong> candidates(gpu.memory(), total);
-  PacedLaunches(gpu, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-    Launch(gpu, gpu.gather_global, "gather_list", part.count, GatherGroupSize(),
-           map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(), batch.order.get(),
-           batch.radii_in.get(), part, offsets.get(), candidates.get());
-  });
+  PacedLaunches(
+      gpu, pace_, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
+        Launch(gpu, gpu.gather_global, "gather_list", part.count, GatherGroupSize(),
+               map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(),
+               batch.order.get(), batch.radii_in.get(), part, offsets.get(), candidates.get());
+      });
   const std::vector<cl_ulong> found = candidates.Read(gpu.queue());
   lists.ids.resize(total);
   lists.squared_distances.resize(total);

@@ -17,7 +17,7 @@ struct DeviceMap {
   DeviceTree tree;
   DeviceWideTree wide;
   Buffer<PhotonPower> powers;  ///< [n], in order of photon index; empty where neither was uploaded
-  MortonGrid grid{};           ///< of the 30-bit codes: queries are worked on in its order
+  Buffer<MortonGrid> grid;     ///< [1] of the 30-bit codes: queries are worked on in its order
   TreeKind kind = TreeKind::kKdTree;
   std::size_t photon_count = 0;
   bool has_powers = false;

@@ -4,26 +4,51 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
+#include <cstring>
 
 #include "core/gpu/gpu.h"
 #include "core/kernels/types.h"
 
 namespace treelight {
 
+/// How many queries of a batch may be launched at once so that a call that is cancelled stops soon
+/// and others get their turn: as many as take about 20 ms. What a query costs is not known before,
+/// but batches that ask the same of the same map often come one after the other.
+class LaunchPace {
+ public:
+  /// The part to begin with, at most `largest`; `first` where the last batch asked something else.
+  std::size_t Begin(GatherParams params, std::size_t first, std::size_t largest) {
+    params.first = params.count = 0;
+    if (params.has_radii != 0 || std::memcmp(&params, &asked_, sizeof params) != 0) part_ = first;
+    asked_ = params;
+    return std::min(part_, largest);
+  }
+
+  /// The next part, after one of `count` queries took so long; at most `largest`.
+  std::size_t Next(std::size_t count, std::chrono::duration<double> took, std::size_t largest) {
+    constexpr std::chrono::duration<double> kPart = std::chrono::milliseconds(20);
+    const double factor = std::clamp(kPart / std::max(took, kPart / 1000), 0.25, 4.0);
+    const auto next = static_cast<std::size_t>(static_cast<double>(count) * factor);
+    // The rest of a batch, a small part, says nothing against larger ones.
+    part_ = factor >= 1 ? std::max(part_, next) : next;
+    return std::clamp<std::size_t>(part_, 64, largest);
+  }
+
+ private:
+  GatherParams asked_{};
+  std::size_t part_ = 0;
+};
+
 /// Calls `launch(part)`, which enqueues kernels, for consecutive parts of [0, total) of at most
-/// `largest` each; `part` is `params` with its first and count.
-///
-/// What one query costs is not known before: with a `cancelled` each part is waited for, and the
-/// next is sized to take about 20 ms, so that a call that is cancelled stops soon and others get
-/// their turn. Without one all parts are enqueued at once. Throws StatusError, CANCELLED, between
-/// parts.
+/// `largest` each; `part` is `params` with its first and count. With a `cancelled` each part is
+/// waited for and `pace` says how large the next is; without one all parts are enqueued at once.
+/// Throws StatusError, CANCELLED, between parts.
 template <typename LaunchPart>
-void PacedLaunches(const Gpu& gpu, GatherParams params, std::size_t total, std::size_t largest,
-                   const CancelCheck& cancelled, LaunchPart&& launch) {
+void PacedLaunches(const Gpu& gpu, LaunchPace& pace, GatherParams params, std::size_t total,
+                   std::size_t largest, const CancelCheck& cancelled, LaunchPart&& launch) {
   using Clock = std::chrono::steady_clock;
-  constexpr std::chrono::duration<double> kPart = std::chrono::milliseconds(20);
   std::size_t part =
-      cancelled ? std::min<std::size_t>(largest, gpu.device->is_cpu() ? 256 : 32768) : largest;
+      cancelled ? pace.Begin(params, gpu.device->is_cpu() ? 256 : 32768, largest) : largest;
   for (std::size_t first = 0; first < total;) {
     ThrowIfCancelled(cancelled);
     const std::size_t count = std::min(part, total - first);
@@ -34,10 +59,7 @@ void PacedLaunches(const Gpu& gpu, GatherParams params, std::size_t total, std::
     first += count;
     if (!cancelled) continue;
     gpu.queue().finish();
-    const std::chrono::duration<double> took = Clock::now() - begin;
-    const double factor = std::clamp(kPart / std::max(took, kPart / 1000), 0.25, 4.0);
-    part = std::clamp<std::size_t>(static_cast<std::size_t>(static_cast<double>(part) * factor), 64,
-                                   largest);
+    part = pace.Next(count, Clock::now() - begin, largest);
   }
 }
 

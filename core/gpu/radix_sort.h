@@ -17,12 +17,19 @@ struct KeyValues {
 /// Pairs of a sort, at most: the one-sweep sort tells of sums below 2^30.
 inline constexpr std::size_t kMaxSortedPairs = (std::size_t{1} << 30) - 1;
 
+/// What may spare a sort: a number on the device by the time when the sort begins.
+struct SortUnless {
+  Buffer<cl_int> found;  ///< [1]; empty: nothing spares it
+  cl_int most = 0;       ///< the pairs stay as they are where `found` is larger
+};
+
 /// Sorts the first `count` pairs by the lowest `key_bits` of their keys, ascending and stable
 /// (radix_sort.cl, or radix_sort_onesweep.cl where there are sub-groups). At most
-/// kMaxSortedPairs. The
-/// buffers of `pairs` may be exchanged for others of the same size. Does not wait.
+/// kMaxSortedPairs. The buffers of `pairs` may be exchanged for others of the same size. Does not
+/// wait, unless without sub-groups for `unless`.
 template <typename Key>
-void RadixSort(const Gpu& gpu, KeyValues<Key>& pairs, std::size_t count, unsigned key_bits);
+void RadixSort(const Gpu& gpu, KeyValues<Key>& pairs, std::size_t count, unsigned key_bits,
+               const SortUnless& unless = {});
 
 }  // namespace treelight
 

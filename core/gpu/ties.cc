@@ -82,28 +82,40 @@ void SplitByMedians(const Gpu& gpu, const Buffer<float>& positions, const TiedRu
          max_leaf_size, cl_uint{level}, ids.get(), levels.get());
 }
 
-/// Rebuilds runs that one sub-group can, as one round of SplitByCodes would. False: none is left.
-bool SplitShortRuns(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
-                    unsigned base, std::uint32_t max_leaf_size, const Buffer<cl_uint>& ids,
-                    const Buffer<cl_uchar>& levels) {
-  const Buffer<cl_uint> rest(gpu.memory(), 1);
-  rest.Fill(gpu.queue(), 0);
-  Launch(gpu, gpu.sub_group_stages, "tie_short_runs", (count + kTieBoundaries - 1) / kTieBoundaries,
-         kSubGroupSize * kSubGroupsPerGroup, positions.get(), static_cast<cl_uint>(count),
-         max_leaf_size, cl_uint{base}, ids.get(), levels.get(), rest.get());
-  return rest.ReadAt(gpu.queue(), 0) != 0;
+/// Splits by place what is not yet told apart, where `rest` [1] is 0.
+void SplitByPlaces(const Gpu& gpu, std::size_t count, const Buffer<cl_uint>& rest,
+                   const Buffer<cl_uchar>& levels) {
+  Launch(gpu, gpu.stages, "tie_levels_of_places", count, kGroupSize, rest.get(), levels.get(),
+         static_cast<cl_uint>(count));
 }
 
 }  // namespace
+
+Buffer<cl_uint> BreakShortTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                               unsigned code_bits, std::uint32_t max_leaf_size,
+                               const Buffer<cl_uint>& ids, const Buffer<cl_uchar>& levels) {
+  Buffer<cl_uint> rest(gpu.memory(), 1);
+  rest.Fill(gpu.queue(), 0);
+  Launch(gpu, gpu.sub_group_stages, "tie_short_runs", (count + kTieBoundaries - 1) / kTieBoundaries,
+         kSubGroupSize * kSubGroupsPerGroup, positions.get(), static_cast<cl_uint>(count),
+         max_leaf_size, cl_uint{code_bits}, ids.get(), levels.get(), rest.get());
+  SplitByPlaces(gpu, count, rest, levels);
+  return rest;
+}
 
 TieReport BreakTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
                     unsigned code_bits, std::uint32_t max_leaf_size, const Buffer<cl_uint>& ids,
                     const Buffer<cl_uchar>& levels, const CancelCheck& cancelled) {
   constexpr unsigned kLastCodeLevel = 93;  // depth left for medians and places: 35
   TieReport report;
-  const bool any = !gpu.device->has_sub_groups() ||
-                   SplitShortRuns(gpu, positions, count, code_bits, max_leaf_size, ids, levels);
-  for (unsigned level = code_bits; any;) {
+  Buffer<cl_uint> rest;
+  if (gpu.device->has_sub_groups()) {
+    rest = BreakShortTies(gpu, positions, count, code_bits, max_leaf_size, ids, levels);
+    if (rest.ReadAt(gpu.queue(), 0) == 0) return report;
+  } else {
+    rest = Buffer<cl_uint>(gpu.memory(), 1);
+  }
+  for (unsigned level = code_bits;;) {
     ThrowIfCancelled(cancelled);
     const TiedRuns tied = FindTiedRuns(gpu, positions, count, max_leaf_size, ids, levels);
     if (report.code_rounds + report.median_rounds == 0) report.tied_photons = tied.count;
@@ -118,8 +130,8 @@ TieReport BreakTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t 
       ++report.median_rounds;
     }
   }
-  Launch(gpu, gpu.stages, "tie_levels_of_places", count, kGroupSize, levels.get(),
-         static_cast<cl_uint>(count));
+  rest.Fill(gpu.queue(), 0);
+  SplitByPlaces(gpu, count, rest, levels);
   return report;
 }
 

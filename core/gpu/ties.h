@@ -7,6 +7,12 @@
 
 namespace treelight {
 
+/// Does what BreakTies does where sub-groups can, in one round (ties_short.cl). Needs sub-groups.
+/// Returns [1], which is not 0 where BreakTies has to go on. Does not wait.
+Buffer<cl_uint> BreakShortTies(const Gpu& gpu, const Buffer<float>& positions, std::size_t count,
+                               unsigned code_bits, std::uint32_t max_leaf_size,
+                               const Buffer<cl_uint>& ids, const Buffer<cl_uchar>& levels);
+
 /// What BreakTies had to do for all runs at once, beside those that sub-groups rebuilt.
 struct TieReport {
   std::size_t tied_photons = 0;  ///< in runs of equal codes longer than a leaf, at first
@@ -15,8 +21,8 @@ struct TieReport {
 };
 
 /// Rebuilds runs of more than `max_leaf_size` equal codes by position and replaces every kLevelTied
-/// (ties.cl; ties_short.cl before it where there are sub-groups). The depth stays within kMaxDepth:
-/// codes give at most 93 levels, medians and places at most 34.
+/// (ties.cl; BreakShortTies before it where there are sub-groups). The depth stays within
+/// kMaxDepth: codes give at most 93 levels, medians and places at most 34.
 /// @param ids     [count] in/out: photon at each place of the leaf order
 /// @param levels  [count - 1] in/out: of ComputeSplitLevels, with `code_bits` bits
 /// Waits once for each round. CANCELLED is thrown as StatusError where `cancelled` says so.

@@ -41,11 +41,26 @@ kernel void bounds_of_photons(global const float* restrict positions, const uint
   }
 }
 
-/// Reduces boxes to one. One work-group of GROUP_SIZE.
-/// @param boxes   [6 * count] minimum, maximum
-/// @param bounds  [6] out: minimum, maximum, scene units
+// As MakeMortonGrid of core/model/morton_grid.h, the same bits.
+MortonGrid make_morton_grid(const float3 low, const float3 high, const float cells) {
+  const float3 extent = high - low;
+  const float longest = fmax(fmax(fmax(extent.x, extent.y), extent.z), 0.0f);
+  MortonGrid grid;
+  grid.prescale = longest < 0x1p-60f ? 0x1p96f : 1.0f;
+  const float scale = longest > 0 ? cells / (longest * grid.prescale) : 0.0f;
+  vstore3(longest > 0 ? low : (float3)(0.0f), 0, grid.min);
+  vstore3((float3)(scale), 0, grid.scale);
+  return grid;
+}
+
+/// Reduces boxes to one, and makes the grids of Morton codes over it. One work-group of GROUP_SIZE.
+/// @param boxes    [6 * count] minimum, maximum
+/// @param bounds   [6] out: minimum, maximum, scene units
+/// @param grid_30  [1] out: of 30-bit codes
+/// @param grid_63  [1] out: of 63-bit codes
 kernel void bounds_of_boxes(global const float* restrict boxes, const uint count,
-                            global float* restrict bounds) {
+                            global float* restrict bounds, global MortonGrid* restrict grid_30,
+                            global MortonGrid* restrict grid_63) {
   local float shared_min[3 * GROUP_SIZE], shared_max[3 * GROUP_SIZE];
   float3 low = INFINITY, high = -INFINITY;
   for (uint i = get_local_id(0); i < count; i += GROUP_SIZE) {
@@ -56,5 +71,7 @@ kernel void bounds_of_boxes(global const float* restrict boxes, const uint count
   if (get_local_id(0) == 0) {
     vstore3(low, 0, bounds);
     vstore3(high, 1, bounds);
+    *grid_30 = make_morton_grid(low, high, 0x1p10f);
+    *grid_63 = make_morton_grid(low, high, 0x1p21f);
   }
 }

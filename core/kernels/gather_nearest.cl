@@ -17,28 +17,48 @@ bool may_hold(const float d2, const ulong worst, global const uint* restrict min
   return bits < limit || (bits == limit && *min_id < (uint)worst);
 }
 
-#if APPROXIMATE
-// The same, where it is to be entered: once there are k candidates, its distance is stretched.
-// Remembers the nearest that might have been entered and is not.
-bool worthwhile(const float d2, const ulong worst, const bool full, const float squared_stretch,
-                global const uint* restrict min_id, float* given_up) {
+// Of APPROXIMATE alone: once there are k candidates, distances of subtrees are multiplied by
+// `squared_stretch`; the nearest that might have been entered and is not is remembered.
+typedef struct GivenUp {
+  float squared_stretch, nearest;
+} GivenUp;
+
+// Whether a subtree is to be entered. `full`: there are k candidates.
+bool worthwhile(const float d2, const ulong worst, const bool full,
+                global const uint* restrict min_id, GivenUp* given_up) {
   if (!may_hold(d2, worst, min_id)) return false;
-  if (!full || may_hold(d2 * squared_stretch, worst, min_id)) return true;
-  *given_up = fmin(*given_up, d2);
+#if APPROXIMATE
+  if (full && !may_hold(d2 * given_up->squared_stretch, worst, min_id)) {
+    given_up->nearest = fmin(given_up->nearest, d2);
+    return false;
+  }
+#endif
+  return true;
+}
+
+// Goes back to the last subtree that waits and is to be entered. False: there is none.
+bool go_back(const ulong* stack, uint* depth, const ulong worst, const bool full,
+             global const Node* restrict nodes, global const uint* restrict min_ids,
+             GivenUp* given_up, uint* link, uint* count) {
+  while (*depth > 0) {
+    const ulong entry = stack[--*depth];
+    const uint slot = (uint)entry;
+    if (!worthwhile(as_float((uint)(entry >> 32)), worst, full, min_ids + slot, given_up)) continue;
+    global const Node* node = nodes + slot / 2;
+    *link = (slot & 1) != 0 ? node->right : node->left;
+    *count = (slot & 1) != 0 ? node->right_count : node->left_count;
+    return true;
+  }
   return false;
 }
 
+#if APPROXIMATE
 // As NearestErrorBound of core/gatherer.h.
 float nearest_error_bound(const bool full, const float farthest, const float given_up) {
   if (!full) return given_up < INFINITY ? INFINITY : 0.0f;
   if (!(given_up < farthest)) return 0.0f;
   return sqrt(farthest / given_up) * (1 + 0x1p-22f) - 1;
 }
-
-#define WORTHWHILE(d2, min_id) \
-  worthwhile(d2, worst, size == params.k, params.squared_stretch, min_id, &given_up)
-#else
-#define WORTHWHILE(d2, min_id) may_hold(d2, worst, min_id)
 #endif
 
 /// Gathers. One work-item per query, 1D range.
@@ -81,8 +101,8 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
   // k-th.
   ulong worst = (ulong)(as_uint(radius * radius) + 1) << 32;
   uint size = 0, visited = 0, tested = 0;
+  GivenUp given_up = {params.squared_stretch, INFINITY};
 #if APPROXIMATE
-  float given_up = INFINITY;
   uint leaves_left = params.max_leaves;
 #endif
   ulong stack[kMaxDepth];
@@ -91,66 +111,62 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
   bool more = count > 0 && box_squared_distance(q, vload3(0, params.root.min),
                                                 vload3(0, params.root.max)) <= radius * radius;
   while (more) {
-    ++visited;
-    bool descend = false;
-    if ((link & kLeafBit) != 0) {
-      // Try the photons of a leaf.
-      tested += count;
-      for (uint i = 0; i < count; ++i) {
-        const float4 photon = load_photon(photons, (link & ~kLeafBit) + i);
-        const ulong value = candidate(photon_squared_distance(q, photon), as_uint(photon.w));
-        if (value >= worst) continue;
-        if (size < params.k) {
-          sift_up(heap, stride, size++, value);
-        } else {
-          sift_down(heap, stride, size, value);
-        }
-        if (size == params.k) worst = heap[0];
-      }
-#if APPROXIMATE
-      if (--leaves_left == 0) {
-        // What waits may have held more.
-        for (uint i = 0; i < depth; ++i) {
-          const float d2 = as_float((uint)(stack[i] >> 32));
-          if (may_hold(d2, worst, min_ids + (uint)stack[i])) given_up = fmin(given_up, d2);
-        }
-        break;
-      }
-#endif
-    } else {
+    // Down to a leaf: items of a sub-group that are there wait for the others, so that leaves,
+    // which cost most, are looked into together (Aila and Laine 2009).
+    while (more && (link & kLeafBit) == 0) {
+      ++visited;
       // Take the nearer child that may hold something, keep the other for later.
       const Children children = load_children(nodes, link);
       const uint slot = 2 * link;
+      const bool full = size == params.k;
       const float left = box_squared_distance(q, children.left_min, children.left_max);
       const float right = box_squared_distance(q, children.right_min, children.right_max);
-      const bool take_left = WORTHWHILE(left, min_ids + slot);
-      const bool take_right = WORTHWHILE(right, min_ids + slot + 1);
+      const bool take_left = worthwhile(left, worst, full, min_ids + slot, &given_up);
+      const bool take_right = worthwhile(right, worst, full, min_ids + slot + 1, &given_up);
       const bool left_first = take_left && (!take_right || left < right ||
                                             (left == right && min_ids[slot] < min_ids[slot + 1]));
       if (take_left && take_right)
         stack[depth++] = left_first ? pending(right, slot + 1) : pending(left, slot);
-      descend = take_left || take_right;
       link = left_first ? children.links.x : children.links.y;
       count = left_first ? children.links.z : children.links.w;
+      if (!take_left && !take_right)
+        more = go_back(stack, &depth, worst, full, nodes, min_ids, &given_up, &link, &count);
     }
-    // Else go back to what still may hold something.
-    while (!descend && depth > 0) {
-      const ulong entry = stack[--depth];
-      const uint slot = (uint)entry;
-      if (!WORTHWHILE(as_float((uint)(entry >> 32)), min_ids + slot)) continue;
-      descend = true;
-      global const Node* node = nodes + slot / 2;
-      link = (slot & 1) != 0 ? node->right : node->left;
-      count = (slot & 1) != 0 ? node->right_count : node->left_count;
+    if (!more) break;
+    // Try the photons of the leaf.
+    ++visited;
+    tested += count;
+    for (uint i = 0; i < count; ++i) {
+      const float4 photon = load_photon(photons, (link & ~kLeafBit) + i);
+      const ulong value = candidate(photon_squared_distance(q, photon), as_uint(photon.w));
+      if (value >= worst) continue;
+      if (size < params.k) {
+        sift_up(heap, stride, size++, value);
+      } else {
+        sift_down(heap, stride, size, value);
+      }
+      if (size == params.k) worst = heap[0];
     }
-    more = descend;
+#if APPROXIMATE
+    if (--leaves_left == 0) {
+      // What waits may have held more.
+      for (uint i = 0; i < depth; ++i) {
+        const float d2 = as_float((uint)(stack[i] >> 32));
+        if (may_hold(d2, worst, min_ids + (uint)stack[i]))
+          given_up.nearest = fmin(given_up.nearest, d2);
+      }
+      break;
+    }
+#endif
+    more =
+        go_back(stack, &depth, worst, size == params.k, nodes, min_ids, &given_up, &link, &count);
   }
 
   // Write what is asked for.
   const bool full = size == params.k;
   const float r2 = full ? as_float((uint)(heap[0] >> 32)) : radius * radius;
 #if APPROXIMATE
-  error_bounds[query] = nearest_error_bound(full, r2, given_up);
+  error_bounds[query] = nearest_error_bound(full, r2, given_up.nearest);
 #endif
   if (params.outputs & kOutputCount) counts[query] = size;
   if (params.outputs & kOutputRadius) radii[query] = full ? sqrt(r2) : radius;

@@ -257,10 +257,8 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
         if (r * SUB_GROUP_SIZE + lane < found)
           add_density(&sum, params, query, sorted[r].y, as_float(sorted[r].x), r2, powers, normals);
       }
-      sum.x = sub_group_sum(sum.x);
-      sum.y = sub_group_sum(sum.y);
-      sum.z = sub_group_sum(sum.z);
-      if (lane == 0) vstore3(finish_density(sum, r2), query, densities);
+      const float density = finish_channel(sub_group_sum_each(sum), r2);
+      if (lane < 3) densities[3 * query + lane] = density;
     }
     if (params.outputs & kOutputNeighbors) {
       for (uint r = 0; r < SORTED_ROWS; ++r) {

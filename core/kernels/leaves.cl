@@ -9,10 +9,14 @@
 /// multiple of 32.
 /// @param levels         [n - 1] split levels
 /// @param max_leaf_size  at most kMaxLeafWindow
-/// @param marks          [groups * GROUP_SIZE / 32] out: a bit for each photon, 1 where a leaf begins
-/// @param counts         [groups + 1] out: leaves that begin in each group; the last is 0
+/// @param is_tied        [1]
+/// @param marks          [groups * GROUP_SIZE / 32] out: a bit for each photon, 1 where a leaf
+/// begins
+/// @param counts         [groups + 2] out: leaves that begin in each group, 0, and `is_tied`, which
+/// the host reads with their sum
 kernel void leaf_marks(global const uchar* restrict levels, const uint n, const uint max_leaf_size,
-                       global uint* restrict marks, global uint* restrict counts) {
+                       global const uint* restrict is_tied, global uint* restrict marks,
+                       global uint* restrict counts) {
   // The boundaries that a leaf of a photon of this group can reach, and one more on either side.
   local uchar window[GROUP_SIZE + 2 * (kMaxLeafWindow + 1)];
   local uint words[GROUP_SIZE / 32], count;
@@ -38,7 +42,10 @@ kernel void leaf_marks(global const uchar* restrict levels, const uint n, const 
   barrier(CLK_LOCAL_MEM_FENCE);
   if (item == 0) {
     counts[group] = count;
-    if (group + 1 == get_num_groups(0)) counts[group + 1] = 0;
+    if (group + 1 == get_num_groups(0)) {
+      counts[group + 1] = 0;
+      counts[group + 2] = *is_tied;
+    }
   }
 }
 

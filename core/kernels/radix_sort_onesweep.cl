@@ -12,6 +12,7 @@ typedef uint Key;
 #define SWEEP_GROUP (SWEEP_SUB_GROUPS * SUB_GROUP_SIZE)  // at least SWEEP_DIGITS
 #define SWEEP_TILE (SWEEP_GROUP * SWEEP_ITEMS)
 #define SWEEP_DIGITS 256
+#define NO_TILE 0xffffffffu
 
 // What a tile tells the later ones of one digit: a count, and of what.
 #define SWEEP_OF_TILE (1u << 30)     // of this tile
@@ -19,10 +20,12 @@ typedef uint Key;
 #define SWEEP_COUNT (SWEEP_OF_TILE - 1)
 
 /// Counts the digits of all passes. 1D range of 256 * any.
-/// @param bins  [pass_count * SWEEP_DIGITS] in/out: 0 before
+/// @param found, most  [1], nothing is to be done where it is larger than `most`
+/// @param bins         [pass_count * SWEEP_DIGITS] in/out: 0 before
 kernel void sweep_count(global const Key* restrict keys, const uint n, const uint pass_count,
-                        volatile global uint* bins) {
+                        global const int* found, const int most, volatile global uint* bins) {
   local uint counts[KEY_BITS / 8 * SWEEP_DIGITS];
+  if (*found > most) return;
   for (uint i = get_local_id(0); i < pass_count * SWEEP_DIGITS; i += get_local_size(0))
     counts[i] = 0;
   // Bins are cleared by one item and counted up by others.
@@ -52,13 +55,17 @@ uint scan_digits(local uint* totals, const uint value) {
   return before + sum - value;
 }
 
-// Pairs of digit `digit` in the tiles before `tile`, whose own are `count`; tells the later ones.
-// They take their numbers in the order in which they start, so those before are at work or done.
+// Tells the later tiles how many pairs of `digit` this one has.
+void publish(global atomic_uint* states, const uint tile, const uint digit, const uint count) {
+  atomic_store_explicit(&states[tile * SWEEP_DIGITS + digit],
+                        (tile > 0 ? SWEEP_OF_TILE : SWEEP_UNTIL_TILE) | count, memory_order_relaxed,
+                        memory_scope_device);
+}
+
+// Pairs of `digit` in the tiles before `tile`, whose own are `count`; tells the later ones. They
+// take their numbers in the order in which they start, so those before are at work or done.
 uint look_back(global atomic_uint* states, const uint tile, const uint digit, const uint count) {
-  if (tile > 0) {
-    atomic_store_explicit(&states[tile * SWEEP_DIGITS + digit], SWEEP_OF_TILE | count,
-                          memory_order_relaxed, memory_scope_device);
-  }
+  if (tile == 0) return 0;
   uint before = 0;
   for (uint other = tile; other > 0;) {
     const uint state = atomic_load_explicit(&states[(other - 1) * SWEEP_DIGITS + digit],
@@ -73,8 +80,14 @@ uint look_back(global atomic_uint* states, const uint tile, const uint digit, co
   return before;
 }
 
+// Places within a tile, two to a word.
+uint packed_place(const uint* places, const uint j) {
+  return places[j / 2] >> (j % 2 * 16) & 0xffffu;
+}
+
 /// Moves all pairs to their places in the order of the digit (key >> shift) & 255. One work-group
 /// of SWEEP_GROUP per tile of SWEEP_TILE.
+/// @param found, most  as sweep_count
 /// @param bins        [SWEEP_DIGITS] counts of this digit
 /// @param tiles       [1] in: 0; tiles begun
 /// @param states      [tiles * SWEEP_DIGITS] in: 0; used up
@@ -82,25 +95,30 @@ uint look_back(global atomic_uint* states, const uint tile, const uint digit, co
 /// @param values_out  [n] out
 kernel __attribute__((reqd_work_group_size(SWEEP_GROUP, 1, 1))) void sweep_pass(
     global const Key* restrict keys, global const uint* restrict values, const uint n,
-    const uint shift, global uint* sweep, const uint bins_at, const uint tiles_at,
-    const uint states_at, global Key* restrict keys_out, global uint* restrict values_out) {
+    const uint shift, global const int* found, const int most, global uint* sweep,
+    const uint bins_at, const uint tiles_at, const uint states_at, global Key* restrict keys_out,
+    global uint* restrict values_out) {
   local Key tile_keys[SWEEP_TILE];
   local uint counts[SWEEP_SUB_GROUPS * SWEEP_DIGITS];  // then places
   local uint offsets[SWEEP_DIGITS], totals[SWEEP_SUB_GROUPS], shared_tile;
   local uint* tile_values = (local uint*)tile_keys;
   const uint item = get_local_id(0), lane = sub_group_lane();
   const uint sub_group = item / SUB_GROUP_SIZE;
-  if (item == 0) shared_tile = atomic_inc((volatile global uint*)&sweep[tiles_at]);
+  if (item == 0) {
+    const uint next = atomic_inc((volatile global uint*)&sweep[tiles_at]);
+    shared_tile = *found > most ? NO_TILE : next;
+  }
   for (uint i = item; i < SWEEP_SUB_GROUPS * SWEEP_DIGITS; i += SWEEP_GROUP) counts[i] = 0;
   // The tile is known and the counts are cleared.
   barrier(CLK_LOCAL_MEM_FENCE);
   const uint tile = shared_tile, first = tile * SWEEP_TILE;
+  if (tile == NO_TILE) return;
   const uint tile_size = min(n - first, (uint)SWEEP_TILE);
 
   // Rank each key among those of its sub-group with the same digit: items with equal digits find
   // each other by a vote on each bit.
   Key own[SWEEP_ITEMS];
-  ushort ranks[SWEEP_ITEMS];
+  uint own_places[SWEEP_ITEMS / 2];  // packed: registers decide how many tiles are worked on
   const uint begin = sub_group * (SUB_GROUP_SIZE * SWEEP_ITEMS) + lane;
 #pragma unroll
   for (uint j = 0; j < SWEEP_ITEMS; ++j) {
@@ -123,14 +141,22 @@ kernel __attribute__((reqd_work_group_size(SWEEP_GROUP, 1, 1))) void sweep_pass(
     // All peers have read the count before the first of them writes.
     sub_group_sync();
     if (lower == 0) own_counts[digit] = before + popcount(peers);
-    ranks[j] = (ushort)(before + lower);
+    own_places[j / 2] = j % 2 == 0 ? before + lower : own_places[j / 2] | (before + lower) << 16;
     // It is written before the next keys are ranked.
     sub_group_sync();
   }
   // All sub-groups have counted.
   barrier(CLK_LOCAL_MEM_FENCE);
 
+  // The values are on their way while the tiles before this one count.
+  uint own_values[SWEEP_ITEMS];
+#pragma unroll
+  for (uint j = 0; j < SWEEP_ITEMS; ++j) {
+    const uint place = begin + j * SUB_GROUP_SIZE;
+    own_values[j] = place < tile_size ? values[first + place] : 0;
+  }
   // Where does each digit begin in the tile, in the output, and for each sub-group?
+  global atomic_uint* states = (global atomic_uint*)(sweep + states_at);
   uint count = 0, total = 0;
   if (item < SWEEP_DIGITS) {
     for (uint i = 0; i < SWEEP_SUB_GROUPS; ++i) {
@@ -138,14 +164,14 @@ kernel __attribute__((reqd_work_group_size(SWEEP_GROUP, 1, 1))) void sweep_pass(
       counts[i * SWEEP_DIGITS + item] = count;
       count += of_sub_group;
     }
+    publish(states, tile, item, count);
     total = sweep[bins_at + item];
   }
   const uint start = scan_digits(totals, count);
   const uint output = scan_digits(totals, total);
   if (item < SWEEP_DIGITS) {
     for (uint i = 0; i < SWEEP_SUB_GROUPS; ++i) counts[i * SWEEP_DIGITS + item] += start;
-    const uint before = look_back((global atomic_uint*)(sweep + states_at), tile, item, count);
-    offsets[item] = output + before - start;
+    offsets[item] = output + look_back(states, tile, item, count) - start;
   }
   // Places and offsets are known.
   barrier(CLK_LOCAL_MEM_FENCE);
@@ -153,8 +179,8 @@ kernel __attribute__((reqd_work_group_size(SWEEP_GROUP, 1, 1))) void sweep_pass(
   // Sort the tile in local memory, so that pairs with equal digits leave side by side.
 #pragma unroll
   for (uint j = 0; j < SWEEP_ITEMS; ++j) {
-    ranks[j] += (ushort)own_counts[(uint)(own[j] >> shift) & 255u];
-    tile_keys[ranks[j]] = own[j];
+    own_places[j / 2] += own_counts[(uint)(own[j] >> shift) & 255u] << (j % 2 * 16);
+    tile_keys[packed_place(own_places, j)] = own[j];
   }
   // The tile's keys are sorted.
   barrier(CLK_LOCAL_MEM_FENCE);
@@ -171,8 +197,8 @@ kernel __attribute__((reqd_work_group_size(SWEEP_GROUP, 1, 1))) void sweep_pass(
   barrier(CLK_LOCAL_MEM_FENCE);
 #pragma unroll
   for (uint j = 0; j < SWEEP_ITEMS; ++j) {
-    const uint place = begin + j * SUB_GROUP_SIZE;
-    if (place < tile_size) tile_values[ranks[j]] = values[first + place];
+    if (begin + j * SUB_GROUP_SIZE < tile_size)
+      tile_values[packed_place(own_places, j)] = own_values[j];
   }
   // The tile's values are sorted.
   barrier(CLK_LOCAL_MEM_FENCE);

@@ -53,12 +53,20 @@ uint sub_group_exchange(const uint value, const uint mask) {
   return result;
 }
 
-// Sum over the sub-group, the same bits for all items: added in the order of a butterfly.
-float sub_group_sum(float value) {
-  for (uint step = 1; step < SUB_GROUP_SIZE; step *= 2) {
-    value += as_float(sub_group_exchange(as_uint(value), step));
-  }
-  return value;
+// Sums over the sub-group, each added in the order of a butterfly: item 0 gets that of x, 1 of y, 2
+// of z.
+float sub_group_sum_each(const float3 value) {
+  const uint lane = sub_group_lane();
+  const bool odd = (lane & 1) != 0, second = (lane & 2) != 0;
+  // Even items go on with x and z, odd ones with y; of the even ones each other with z.
+  const float received = as_float(sub_group_exchange(as_uint(odd ? value.x : value.y), 1));
+  const float z = value.z + as_float(sub_group_exchange(as_uint(value.z), 1));
+  const float own = (odd ? value.y : value.x) + received;
+  const float given = odd ? own : second ? own : z;
+  float sum = (!odd && second ? z : own) + as_float(sub_group_exchange(as_uint(given), 2));
+  for (uint step = 4; step < SUB_GROUP_SIZE; step *= 2)
+    sum += as_float(sub_group_exchange(as_uint(sum), step));
+  return sum;
 }
 
 // Sum of the values of this item and of those before it.

@@ -207,9 +207,12 @@ kernel void tie_levels_of_medians(global const uint* restrict slots,
 
 /// Splits what is left, runs of at most one leaf and photons at one position, by place (the index
 /// tie-break of Karras 2012, section 4). One work-item per boundary.
+/// @param rest    [1] not 0: nothing is to be done yet
 /// @param levels  [n - 1] in/out
-kernel void tie_levels_of_places(global uchar* restrict levels, const uint n) {
+kernel void tie_levels_of_places(global const uint* restrict rest, global uchar* restrict levels,
+                                 const uint n) {
   const uint i = get_global_id(0);
+  if (*rest != 0) return;
   if (i + 1 >= n || levels[i] < kLevelSame) return;
   levels[i] = (uchar)(kLevelIndex + clz(i ^ (i + 1)));
 }

@@ -78,9 +78,14 @@ void add_density(float3* sum, const GatherParams params, const uint query, const
   *sum += density_weight(params.density_kernel, d2, r2) * power.xyz;
 }
 
-// Density of a sum over a disc of squared radius r2; 0 where the disc has no area or no end.
+// Density of a channel's sum over a disc of squared radius r2; 0 where the disc has no area or no
+// end.
+float finish_channel(const float sum, const float r2) {
+  return r2 > 0 && r2 < INFINITY ? sum / (M_PI_F * r2) : 0.0f;
+}
+
 float3 finish_density(const float3 sum, const float r2) {
-  return r2 > 0 && r2 < INFINITY ? sum / (M_PI_F * r2) : (float3)(0.0f);
+  return (float3)(finish_channel(sum.x, r2), finish_channel(sum.y, r2), finish_channel(sum.z, r2));
 }
 
 // The query that is worked on at `place` of this launch.
