@@ -25,10 +25,13 @@ PilotFindings SomeFindings() {
 
 TEST(PassPlan, BiasGoesWithTheArea) {
   const PilotFindings pilot = SomeFindings();
-  const double rim = 1e-4 / PassStatistics::kRimShare;
-  EXPECT_NEAR(PredictSquaredBias(pilot, 20'000, 100), rim, 1e-12);
-  EXPECT_NEAR(PredictSquaredBias(pilot, 80'000, 100), rim / 2, 1e-12);   // a quarter of the area
-  EXPECT_NEAR(PredictSquaredBias(pilot, 320'000, 400), rim / 2, 1e-12);  // of four times as many
+  const double bias = PredictSquaredBias(pilot, 20'000, 100);
+  EXPECT_LT(bias, 1e-4 / PassStatistics::kRimShare);
+  EXPECT_GT(bias, 1e-4 / PassStatistics::kDifferenceShare);
+  const double in_a_quarter = bias / std::sqrt(8.0);
+  EXPECT_NEAR(PredictSquaredBias(pilot, 80'000, 100), in_a_quarter, 1e-12);
+  EXPECT_NEAR(PredictSquaredBias(pilot, 320'000, 400), in_a_quarter,
+              1e-12);  // of four times as many
 }
 
 TEST(PassPlan, VarianceOfAPass) {

@@ -151,7 +151,7 @@ TEST_F(ProgressiveRendererTest, EndsAtTheTargetError) {
   for (std::size_t i = kMinPassesOfTarget; i < errors.size(); ++i) EXPECT_GT(errors[i - 1], 0.05);
 }
 
-// Of a blur that is known beforehand no pass may say less, until the radius shrinks.
+// What is known beforehand counts as two passes, and goes with the squared radius.
 TEST_F(ProgressiveRendererTest, KnowsTheBlurThatItIsTold) {
   const Intersector scene = testing::MustIntersect(MakeCornell());
   ProgressiveOptions options = SmallOptions(6);
@@ -164,9 +164,30 @@ TEST_F(ProgressiveRendererTest, KnowsTheBlurThatItIsTold) {
   };
   MustRenderPasses(scene, options);
   ASSERT_EQ(biases.size(), 5u);
-  for (const int i : {0, 1, 2}) EXPECT_EQ(biases[i], 1e3) << i;
-  EXPECT_DOUBLE_EQ(biases[3], 1e3 * (4 + kRadiusAlpha) / 5);
+  // Beside it what passes find is nothing.
+  EXPECT_NEAR(biases[0], 1e3 * 2 / 4, 1);
+  EXPECT_NEAR(biases[1], 1e3 * 2 / 5, 1);
+  EXPECT_NEAR(biases[2], 1e3 * 2 / 6, 1);
+  EXPECT_NEAR(biases[3], 1e3 * (4 + kRadiusAlpha) / 5 * 2 / 7, 1);
   EXPECT_LT(biases[4], biases[3]);
+}
+
+// Only passes of the first radius are judged, and those not before two are done.
+TEST_F(ProgressiveRendererTest, EndsWhereTheFirstRadiusBlursTooMuch) {
+  const Intersector scene = testing::MustIntersect(MakeCornell());
+  ProgressiveOptions options = SmallOptions(4);
+  options.known_squared_bias = 1e3;
+  options.min_passes_of_target = 2;
+  options.constant_passes = 2;
+  options.max_squared_bias = 400;  // half of what is known, and next to nothing
+  const auto blurred = MustRenderPasses(scene, options);
+  EXPECT_EQ(blurred.end, ProgressiveEnd::kTooBlurred);
+  EXPECT_EQ(blurred.last.passes, 2u);
+  options.constant_passes = 1;
+  EXPECT_EQ(MustRenderPasses(scene, options).end, ProgressiveEnd::kPasses);
+  options.constant_passes = 2;
+  options.max_squared_bias = 600;
+  EXPECT_EQ(MustRenderPasses(scene, options).end, ProgressiveEnd::kPasses);
 }
 
 TEST_F(ProgressiveRendererTest, EndsWhenTheTimeIsUpButNotBeforeTheFirstPass) {
@@ -260,6 +281,7 @@ TEST_F(ProgressiveRendererTest, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(code([](auto& o) { o.max_passes = 0; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.constant_passes = 0; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.known_squared_bias = -1; }), kInvalid);
+  EXPECT_EQ(code([](auto& o) { o.max_squared_bias = NAN; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.min_passes_of_target = 1; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.target_error = -1; }), kInvalid);
   EXPECT_EQ(code([](auto& o) { o.target_error = NAN; }), kInvalid);

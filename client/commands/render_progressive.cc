@@ -12,7 +12,7 @@
 #include "client/commands/server_option.h"
 #include "client/output_file.h"
 #include "client/progress.h"
-#include "client/render/pilot.h"
+#include "client/render/planned_renderer.h"
 #include "client/render/progressive_chart.h"
 #include "client/render/progressive_renderer.h"
 #include "fmt/format.h"
@@ -29,12 +29,12 @@ class ErrorCurve {
     if (auto status = MakeFolder(folder); !status.ok()) return status;
     curve.folder_ = folder;
     curve.path_ = (std::filesystem::path(folder) / "progressive.csv").string();
-    auto file = OutputFile::Create(curve.path_);
-    if (!file.ok()) return file.status();
-    curve.file_ = *std::move(file);
-    if (auto status = curve.file_->Write(ErrorCurveHeader()); !status.ok()) return status;
+    if (auto status = curve.Begin(); !status.ok()) return status;
     return curve;
   }
+
+  /// Drops the passes that were added.
+  absl::Status Restart() { return file_ ? Begin() : absl::OkStatus(); }
 
   absl::Status Add(const PassReport& pass, const std::optional<ImageError>& measured) {
     return file_ ? file_->Write(ErrorCurveLine(pass, measured)) : absl::OkStatus();
@@ -52,6 +52,14 @@ class ErrorCurve {
  private:
   ErrorCurve() = default;
 
+  absl::Status Begin() {
+    file_.reset();  // before another of that name
+    auto file = OutputFile::Create(path_);
+    if (!file.ok()) return file.status();
+    file_ = *std::move(file);
+    return file_->Write(ErrorCurveHeader());
+  }
+
   std::string folder_, path_;
   std::optional<OutputFile> file_;
 };
@@ -64,6 +72,8 @@ const char* NameOf(ProgressiveEnd end) {
       return "the target error is reached";
     case ProgressiveEnd::kTimeLimit:
       return "the time is up";
+    case ProgressiveEnd::kTooBlurred:
+      return "the first radius blurs too much";
     case ProgressiveEnd::kInterrupted:
       break;
   }
@@ -121,35 +131,32 @@ ProgressiveOptions OptionsOf(const RenderChoice& choice) {
   return options;
 }
 
-std::string FormatPlan(const PilotReport& pilot, const PassPlan& plan, double target_error) {
+std::string FormatPilot(const PilotReport& pilot) {
   const PilotFindings& found = pilot.findings;
   return fmt::format(
       "pilot: {} photons in {:.2f} s; noise of a sample {:.3f}, {:.0f} % of its square left within "
-      "a "
-      "quarter of the pixel; of {} photons {:.3f}, {:.0f} % of it shared by the samples of a "
-      "pixel\n"
+      "a quarter of the pixel; of {} photons {:.3f}, {:.0f} % of it shared by the samples of a "
+      "pixel\n",
+      pilot.photons, pilot.seconds, std::sqrt(found.camera_variance), 100 * found.within_quarter,
+      found.k, std::sqrt(found.photon_variance), 100 * found.shared);
+}
+
+std::string FormatPlan(const PassPlan& plan, double target_error) {
+  return fmt::format(
       "plan: {} passes of {} photons, k {} and {} sample{} a pixel: noise {:.4f} and blur {:.4f}, "
       "error {:.4f} of {:.4g} in {:.2f} s{}\n",
-      pilot.photons, pilot.seconds, std::sqrt(found.camera_variance), 100 * found.within_quarter,
-      found.k, std::sqrt(found.photon_variance), 100 * found.shared, plan.passes, plan.photons,
-      plan.k, plan.samples_per_pixel, plan.samples_per_pixel == 1 ? "" : "s",
-      std::sqrt(plan.variance), std::sqrt(plan.squared_bias),
-      std::sqrt(plan.variance + plan.squared_bias), target_error, plan.seconds,
+      plan.passes, plan.photons, plan.k, plan.samples_per_pixel,
+      plan.samples_per_pixel == 1 ? "" : "s", std::sqrt(plan.variance),
+      std::sqrt(plan.squared_bias), std::sqrt(plan.variance + plan.squared_bias), target_error,
+      plan.seconds,
       plan.squared_bias < target_error * target_error ? "" : "; radii shrink from there on");
 }
 
-/// The passes that a pilot plans for the target error; says on stdout which, and why.
-absl::StatusOr<ProgressiveOptions> Plan(const Intersector& scene, PhotonMapClient& client,
-                                        const RenderChoice& choice,
-                                        const ProgressiveOptions& options) {
+/// What `choice` leaves to a pilot.
+PlanLimits LimitsOf(const RenderChoice& choice) {
   PlanLimits limits{.samples_per_pixel = choice.samples_per_pixel};
   if (choice.gives_k) limits.k = choice.render.indirect.k;
-  const auto found = PlanByPilots(scene, client, options, limits);
-  if (!found.ok()) return found.status();
-  fmt::print("{}", FormatPlan(found->pilot, found->plan, options.target_error));
-  ProgressiveOptions planned = Planned(options, found->plan);
-  planned.min_passes_of_target = limits.MinPasses(found->plan.samples_per_pixel);
-  return planned;
+  return limits;
 }
 
 }  // namespace
@@ -166,11 +173,8 @@ absl::Status RenderInPasses(const Intersector& scene, const RenderChoice& choice
 
   const InterruptGuard guard;
   ProgressiveOptions options = OptionsOf(choice);
-  if (choice.auto_photons) {
-    auto planned = Plan(scene, client, choice, options);
-    if (!planned.ok()) return planned.status();
-    options = *std::move(planned);
-  }
+  const PhotonEmitters emitters(scene.scene());
+  options.emitters = &emitters;
   options.preview = viewer.preview;
   std::uint64_t passes = 0;
   // Of how many it will be is known where nothing else ends them.
@@ -183,7 +187,16 @@ absl::Status RenderInPasses(const Intersector& scene, const RenderChoice& choice
     const auto measured = Compare(statistics.Mean(), *viewer.reference);
     return measured.ok() ? curve->Add(pass, *measured) : measured.status();
   };
-  const auto rendered = RenderProgressively(scene, client, options);
+  const auto planned = [&](const PilotPlan& found) {
+    fmt::print("{}{}",
+               passes == 0 ? FormatPilot(found.pilot)
+                           : "these passes are more blurred than planned, and dropped\n",
+               FormatPlan(found.plan, options.target_error));
+    return passes > 0 ? curve->Restart() : absl::OkStatus();
+  };
+  const auto rendered = choice.auto_photons
+                            ? RenderPlanned(scene, client, options, LimitsOf(choice), planned)
+                            : RenderProgressively(scene, client, options);
   progress.reset();
   const auto closed = curve->Close();
   if (!rendered.ok()) {

@@ -17,7 +17,9 @@ constexpr std::array<std::uint32_t, 7> kSamples = {1, 4, 9, 16, 25, 36, 64};
 constexpr double kMinPhotons = 5e3, kMaxPhotons = 1e7;
 constexpr double kMostPasses = 1e6;
 /// Of the variance that is predicted: where few passes are nearly too few, one more may follow.
-constexpr double kUncertainty = 0.15;
+constexpr double kUncertainty = 0.35;
+/// Of the area in the squared blur; kRimShare goes with 1/2, kDifferenceShare with 1.
+constexpr double kBlurPower = 0.75;
 /// One in so many pixels is probed for blur.
 constexpr double kPixelsPerProbe = RadiusProbe::kStride * RadiusProbe::kStride;
 
@@ -74,8 +76,9 @@ std::uint64_t PlanLimits::MinPasses(std::uint32_t samples) const {
 }
 
 double PredictSquaredBias(const PilotFindings& pilot, std::uint64_t photons, std::uint32_t k) {
-  return pilot.squared_difference * std::sqrt(RelativeArea(pilot, photons, k)) /
-         PassStatistics::kRimShare;
+  static const double kShare =
+      std::sqrt(PassStatistics::kRimShare * PassStatistics::kDifferenceShare);
+  return pilot.squared_difference / kShare * std::pow(RelativeArea(pilot, photons, k), kBlurPower);
 }
 
 double PredictVariance(const PilotFindings& pilot, std::uint64_t photons, std::uint32_t k,

@@ -45,10 +45,9 @@ struct PlanLimits {
   std::uint64_t MinPasses(std::uint32_t samples) const;
 };
 
-/// Squared bias of passes of `photons` and `k`. The difference is taken for that of rims
-/// (PassStatistics), whose square goes with the root of the area: of the kinds of blur that is the
-/// one that photons help least against, and on `cornell` from 5e3 to 3e5 photons it is the right
-/// one.
+/// Squared bias of passes of `photons` and `k`. The difference is taken for half-way between that
+/// of rims alone, whose square goes with the root of the area, and what PassStatistics takes it
+/// for, which goes with the area itself: docs/rendering.md has what pictures have.
 double PredictSquaredBias(const PilotFindings& pilot, std::uint64_t photons, std::uint32_t k);
 
 /// Variance of one pass. Photon noise goes with 1 / k. The samples of a pixel share less of it the

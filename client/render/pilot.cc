@@ -30,10 +30,7 @@ class PilotMaps {
  public:
   PilotMaps(const Intersector& intersector, PhotonMapClient& client,
             const ProgressiveOptions& options)
-      : intersector_(intersector),
-        client_(client),
-        options_(options),
-        emitters_(intersector.scene()) {}
+      : intersector_(intersector), client_(client), options_(options) {}
 
   ~PilotMaps() {
     for (const PassMaps& made : maps_) DeleteMaps(client_, made.maps).IgnoreError();  // they expire
@@ -49,7 +46,7 @@ class PilotMaps {
         .indirect = options_.indirect,
         .caustic = options_.caustic,
         .cancelled = options_.interrupted,
-        .emitters = &emitters_};
+        .emitters = options_.emitters};
     if (!maps_.empty()) {
       make.indirect.given = maps_[0].indirect_radius;
       make.caustic.given = maps_[0].caustic_radius;
@@ -65,7 +62,6 @@ class PilotMaps {
   const Intersector& intersector_;
   PhotonMapClient& client_;
   const ProgressiveOptions& options_;
-  const PhotonEmitters emitters_;
   std::vector<PassMaps> maps_;
 };
 

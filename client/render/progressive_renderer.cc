@@ -40,6 +40,10 @@ absl::Status CheckOptions(const ProgressiveOptions& options) {
     return absl::InvalidArgumentError(
         fmt::format("known_squared_bias is {}", options.known_squared_bias));
   }
+  if (!(options.max_squared_bias >= 0)) {
+    return absl::InvalidArgumentError(
+        fmt::format("max_squared_bias is {}", options.max_squared_bias));
+  }
   if (!(options.target_error >= 0)) {
     return absl::InvalidArgumentError(fmt::format("target_error is {}", options.target_error));
   }
@@ -58,7 +62,8 @@ class Run {
       : intersector_(intersector),
         client_(client),
         options_(options),
-        emitters_(intersector.scene()),
+        emitters_(options.emitters == nullptr ? std::optional<PhotonEmitters>(intersector.scene())
+                                              : std::nullopt),
         radius_(options.constant_passes),
         statistics_(options.pass.width, options.pass.height),
         preview_(options.preview) {}
@@ -101,6 +106,9 @@ class Run {
         last.error->relative_rms() <= options_.target_error)
       return ProgressiveEnd::kTargetError;
     if (pass == options_.max_passes) return ProgressiveEnd::kPasses;
+    if (pass >= options_.min_passes_of_target && pass <= options_.constant_passes &&
+        last.error->squared_bias > options_.max_squared_bias)
+      return ProgressiveEnd::kTooBlurred;
     if (pass > 0 && begin_.Seconds() + last_pass_s_ > options_.time_limit_s)
       return ProgressiveEnd::kTimeLimit;
     return std::nullopt;
@@ -116,7 +124,7 @@ class Run {
         .indirect = options_.indirect,
         .caustic = options_.caustic,
         .cancelled = [this, pass] { return stop_making_ || Interrupted() || TimeIsUp(pass); },
-        .emitters = &emitters_};
+        .emitters = emitters_ ? &*emitters_ : options_.emitters};
     if (indirect_radius_) make.indirect.given = indirect_radius_;
     if (caustic_radius_) make.caustic.given = caustic_radius_;
     return std::async(std::launch::async, [this, make = std::move(make)] {
@@ -160,8 +168,11 @@ class Run {
   ErrorEstimate EstimateError() const {
     ErrorEstimate error = statistics_.Estimate();
     const double known = options_.known_squared_bias * radius_.squared_scale();
-    error.squared_bias = std::max(error.squared_bias, known);
-    error.knows_bias = error.knows_bias || known > 0;
+    if (known <= 0) return error;
+    const double passes = error.knows_bias ? static_cast<double>(statistics_.passes()) : 0;
+    error.squared_bias =
+        (kPassesOfKnownBias * known + passes * error.squared_bias) / (kPassesOfKnownBias + passes);
+    error.knows_bias = true;
     return error;
   }
 
@@ -198,7 +209,7 @@ class Run {
   PhotonMapClient& client_;
   const ProgressiveOptions& options_;
   const Stopwatch begin_;
-  const PhotonEmitters emitters_;
+  const std::optional<PhotonEmitters> emitters_;           // where options_ has none
   std::optional<float> indirect_radius_, caustic_radius_;  // of the first pass
   ShrinkingRadius radius_;
   PassStatistics statistics_;

@@ -25,6 +25,9 @@ inline constexpr std::uint32_t kMinProgressiveNeighbors = 24;
 /// Passes before a target error is believed to be reached, where nothing is known beforehand.
 inline constexpr std::uint64_t kMinPassesOfTarget = 8;
 
+/// Passes that tell as much of the blur as what is known of it beforehand.
+inline constexpr double kPassesOfKnownBias = 2;
+
 /// What one pass cost, and what is known after it.
 struct PassReport {
   std::uint64_t passes = 0;               ///< done so far, this one included
@@ -43,15 +46,19 @@ struct ProgressiveOptions {
   FirstRadius caustic{.k = 60, .quantile = kCausticRadiusQuantile};
   std::uint64_t indirect_photons = 1'000'000, caustic_photons = 200'000;  ///< of each pass
   std::uint64_t seed = 1;                                                 ///< of all random numbers
+  const PhotonEmitters* emitters = nullptr;  ///< as PhotonTraceOptions; of all passes
   /// The maps are NAME.indirect and NAME.caustic, a version for each pass; another run's must not
   /// be called so.
   std::string map_name = "progressive";
   std::chrono::milliseconds time_to_live = std::chrono::hours(1);  ///< longer than a pass takes
 
-  /// Of the first radius, where it is known beforehand: the estimate is never less. Few passes tell
-  /// little of it. It goes with the squared radius.
+  /// Of the first radius, where something is known of it beforehand, since few passes tell little:
+  /// counts as much in the estimate as kPassesOfKnownBias passes. It goes with the squared radius.
+  /// 0: nothing is known.
   double known_squared_bias = 0;
   std::uint64_t constant_passes = 1;  ///< > 0, with the radius of the first; later it shrinks
+  /// Of the estimate of passes of the first radius: where it is more, they are too blurred.
+  double max_squared_bias = std::numeric_limits<double>::infinity();
 
   std::uint64_t max_passes = std::numeric_limits<std::uint64_t>::max();  ///< > 0
   double target_error = 0;  ///< ErrorEstimate::relative_rms(); 0: none
@@ -65,7 +72,7 @@ struct ProgressiveOptions {
 };
 
 /// Why a run ended.
-enum class ProgressiveEnd { kPasses, kTargetError, kTimeLimit, kInterrupted };
+enum class ProgressiveEnd { kPasses, kTargetError, kTimeLimit, kTooBlurred, kInterrupted };
 
 /// The mean of the passes, and what they cost.
 struct ProgressiveResult {
@@ -89,9 +96,9 @@ struct ProgressiveResult {
 /// passes have maps on the server; each is deleted after its pass.
 ///
 /// A run ends at max_passes, when the estimate is within target_error, when the next pass would end
-/// after time_limit_s, or when it is interrupted; the pass that is under way then is dropped,
-/// unless the time is up in the first. The same picture for any number of threads, where passes
-/// alone end it.
+/// after time_limit_s, when the first radius blurs more than it may, or when it is interrupted; the
+/// pass that is under way then is dropped, unless the time is up in the first. The same picture for
+/// any number of threads, where passes alone end it.
 ///
 /// Blocks. INVALID_ARGUMENT: an option out of range. CANCELLED: interrupted before the first pass
 /// was done. Else the errors of TracePhotons, PhotonMapClient and pass_done; after one the preview
