@@ -21,8 +21,9 @@ FOLDER = os.path.dirname(os.path.abspath(__file__))
 CSV = FOLDER + "/auto.csv"
 COLUMNS = ["scene", "way", "target", "photons", "k", "spp", "passes", "cpu_s", "predicted", "estimated", "measured"]
 TARGETS = (0.1, 0.07, 0.05)
-FIXED = [(30_000, 50, 4), (100_000, 100, 4), (100_000, 100, 9), (100_000, 100, 16), (100_000, 100, 36), (400_000, 100, 36)]
-ROUNDS = 2  # in turns; the mean time counts
+FIXED = [(10_000, 50, 4), (30_000, 50, 4), (30_000, 50, 9), (30_000, 50, 16), (100_000, 50, 9), (100_000, 100, 4), (100_000, 100, 9),
+         (100_000, 100, 16), (100_000, 100, 36), (400_000, 100, 36)]
+ROUNDS = 2  # in turns, each with a seed of its own; the mean time counts
 
 
 def cpu_seconds(pid):
@@ -66,17 +67,16 @@ def measure(treelight, server, pid, scene, reference, noise):
                               "estimated": number(r"estimated error: ([\d.]+)", text)} if way == "auto" else {})})
             file.flush()
 
-        for _ in range(ROUNDS):  # others on the machine slow all ways alike
+        for seed in range(1, 1 + ROUNDS):  # others on the machine slow all ways alike
             for target in TARGETS:
-                row("auto", ["--photons", "auto", "--target-error", str(target)], target=target)
+                row("auto", ["--photons", "auto", "--target-error", str(target), "--seed", str(seed)], target=target)
             for photons, k, spp in FIXED:
-                row("fixed", ["--photons", str(photons), "--caustic-photons", str(photons // 5), "--k", str(k),
+                row("fixed", ["--seed", str(seed), "--photons", str(photons), "--caustic-photons", str(photons // 5), "--k", str(k),
                               "--caustic-k", str(k * 3 // 5), "--spp", str(spp)], photons=photons, k=k, spp=spp)
 
 
 def means(rows):
-    """One row for each way, with the means of times and errors, and by how much times differ; pictures of fixed numbers are the
-    same in each round."""
+    """One row for each way, with the mean of the times, the root mean square of the errors, and by how much times differ."""
     groups = {}
     for row in rows:
         way = (row["scene"], row["way"]) + ((row["target"],) if row["way"] == "auto" else (row["photons"], row["k"], row["spp"]))
