@@ -5,9 +5,7 @@
 #include <sys/socket.h>
 
 #include <cerrno>
-#include <chrono>
 #include <cstdint>
-#include <cstdio>
 #include <cstring>
 #include <utility>
 #include <vector>
@@ -20,8 +18,6 @@ namespace {
 
 /// Before accept() is tried again that found no file or no memory.
 constexpr int kPauseMs = 50;
-/// Between two lines on stderr that say the same.
-constexpr std::chrono::minutes kTellAgain{1};
 
 /// Whether accept() failed for want of something, which may come back; any other error is of the
 /// one connection that was to be taken up.
@@ -84,12 +80,9 @@ bool Acceptor::AcceptFrom(int socket) {
   return true;
 }
 
-/// Says on stderr why a client is not served, unless that was said a short time ago.
+/// Says on stderr why a client is not served.
 void Acceptor::Tell(const char* what) {
-  const auto now = std::chrono::steady_clock::now();
-  if (told_ != std::chrono::steady_clock::time_point() && now - told_ < kTellAgain) return;
-  told_ = now;
-  fmt::print(stderr, "treelightd: {} connections are open: {}\n", connections_.open(), what);
+  line_.Tell(fmt::format("{} connections are open: {}", connections_.open(), what));
 }
 
 }  // namespace treelight::server

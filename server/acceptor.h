@@ -1,13 +1,13 @@
 #ifndef TREELIGHT_SERVER_ACCEPTOR_H_
 #define TREELIGHT_SERVER_ACCEPTOR_H_
 
-#include <chrono>
 #include <functional>
 #include <thread>
 
 #include "server/file_handle.h"
 #include "server/listening_sockets.h"
 #include "server/open_connections.h"
+#include "server/rare_line.h"
 
 namespace treelight::server {
 
@@ -37,9 +37,9 @@ class Acceptor {
   const ListeningSockets sockets_;
   OpenConnections& connections_;
   const Take take_;
-  const FileHandle end_;                          // an eventfd: readable once the thread shall end
-  std::chrono::steady_clock::time_point told_{};  // of the thread
-  std::thread thread_;                            // last: uses the rest
+  const FileHandle end_;  // an eventfd: readable once the thread shall end
+  RareLine line_;
+  std::thread thread_;  // last: uses the rest
 };
 
 }  // namespace treelight::server

@@ -29,6 +29,7 @@ void BuildCall::OnReadDone(bool ok) {
     if (auto status = job_.call().Alive(); !status.ok()) return End(status);
     return Submit();
   }
+  job_.call().MessageCame();
   job_.record().bytes_in += message_.ByteSizeLong();
   // A repeat of a build that is done needs no photons. They are read nevertheless: a client that
   // writes would not see an early answer on every transport.

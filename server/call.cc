@@ -48,7 +48,10 @@ grpc::Status ToGrpcStatus(const absl::Status& status) {
 }
 
 Call::Call(State& state, grpc::CallbackServerContext& context, std::string_view method)
-    : state_(state), context_(context), deadline_(context.deadline()) {
+    : state_(state),
+      context_(context),
+      presence_(state.floods, context.peer()),
+      deadline_(context.deadline()) {
   record_.request_id = RequestId(context);
   record_.method = method;
   record_.peer = context.peer();

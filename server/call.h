@@ -61,6 +61,9 @@ class Call {
   void AwaitClient();
   void ClientMoved();
 
+  /// A message of the client is here.
+  void MessageCame() { presence_.Moved(); }
+
   /// The same for the first message of the call, whose memory is counted nowhere: `read`, which
   /// asks gRPC for it, runs once it is the call's turn, see RequestTurns.
   void AwaitRequest(std::function<void()> read);
@@ -92,6 +95,7 @@ class Call {
 
   State& state_;
   grpc::CallbackServerContext& context_;
+  FloodGuard::Presence presence_;
   const std::chrono::system_clock::time_point deadline_;
   absl::Status admission_;  // stays, once constructed
   std::atomic<bool> abandoned_ = false;

@@ -63,6 +63,18 @@ std::string CheckCount(const std::string& text) {
   return fmt::format("'{}' is no whole number of at least 1", text);
 }
 
+/// What is wrong with `text`, bytes, as a limit of memory, for CLI11.
+std::string CheckMemoryLimit(const std::string& text) {
+  // The largest message as it came and parsed, one in a stream, and a part of the answer.
+  constexpr std::uint64_t kLeastMiB = 16;
+  if (text.starts_with('-')) return fmt::format("'{}' is less than nothing", text);
+  std::uint64_t bytes = 0;
+  std::from_chars(text.data(), text.data() + text.size(), bytes);
+  if (bytes == 0 || bytes >= kLeastMiB << 20) return {};
+  return fmt::format("{} bytes are too few, {}MiB is the least with which requests are answered",
+                     bytes, kLeastMiB);
+}
+
 /// What is wrong with `text` as seconds of at least `least`, for CLI11. Its Range takes "nan".
 std::string CheckSeconds(const std::string& text, double least) {
   constexpr double kDay = 86'400;
@@ -140,10 +152,7 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
       "Bytes of host memory for uploads, messages, answers, and maps on a CPU; units as 4GiB; "
       "0: half of what the machine or its control group has")
       ->transform(CLI::AsSizeValue(false))
-      ->check([](const std::string& text) {
-        return text.starts_with('-') ? fmt::format("'{}' is less than nothing", text)
-                                     : std::string();
-      });
+      ->check(CheckMemoryLimit);
   Add(app, "--stall-seconds", seconds.stall,
       "Time that a client may stand still in an upload or an answer")
       ->check([](const std::string& text) { return CheckSeconds(text, 0.001); });
@@ -209,7 +218,14 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
   flags.server.slow = std::chrono::milliseconds(slow_ms);
   flags.server.stall = ToMilliseconds(seconds.stall);
   flags.server.socket_mode = static_cast<unsigned>(std::stoul(socket_mode, nullptr, 8));
-  if (health_check->parsed()) return HealthCheck{flags.server.listen, flags.server.tls};
+  const auto wrong = [](const absl::Status& status) {
+    fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+    return Exit{kExitWrongUsage};
+  };
+  if (health_check->parsed()) {
+    if (auto status = CheckTlsOptions(flags.server.tls); !status.ok()) return wrong(status);
+    return HealthCheck{flags.server.listen, flags.server.tls};
+  }
   if (fsck->parsed()) {
     if (!flags.server.data_folder.empty()) return FolderCheck{flags.server.data_folder};
     fmt::print(stderr, "treelightd: fsck: say which folder, --data-dir\n");
@@ -220,10 +236,7 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
     fmt::print(stderr, "treelightd: token: say which file gets the hash, --token-file\n");
     return Exit{kExitWrongUsage};
   }
-  if (auto status = CheckOptions(flags.server); !status.ok()) {
-    fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
-    return Exit{kExitWrongUsage};
-  }
+  if (auto status = CheckOptions(flags.server); !status.ok()) return wrong(status);
   return flags;
 }
 

@@ -40,6 +40,7 @@ void GatherStream::OnReadDone(bool ok) {
         failure_ = call_.Alive();  // a client that has gone looks like one that has sent all
     });
   }
+  call_.MessageCame();
   auto added = std::make_unique<Entry>(state_, call_);
   Entry& entry = *added;
   entry.request.Swap(&request_);

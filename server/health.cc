@@ -32,7 +32,7 @@ constexpr int kCheck = 0, kWatch = 1;
 class Health::OneCall : public grpc::ServerBidiReactor<Request, Response> {
  public:
   OneCall(Health& health, grpc::CallbackServerContext& context)
-      : health_(health), context_(context) {
+      : health_(health), context_(context), presence_(health.floods_, context.peer()) {
     EndWhereLate(health_.requests_);
     StartRead(&request_);
   }
@@ -43,6 +43,7 @@ class Health::OneCall : public grpc::ServerBidiReactor<Request, Response> {
       return End({grpc::StatusCode::INVALID_ARGUMENT,
                   "the call has no request, or one that is no message"});
     }
+    presence_.Moved();
     if (const std::size_t bytes = request_.ByteSizeLong(); bytes > kMaxRequestBytes) {
       return End({grpc::StatusCode::INVALID_ARGUMENT,
                   fmt::format("the request has {} bytes: a health request names a service and has "
@@ -76,6 +77,7 @@ class Health::OneCall : public grpc::ServerBidiReactor<Request, Response> {
 
  private:
   grpc::CallbackServerContext& context_;
+  FloodGuard::Presence presence_;
   Request request_;
 };
 
@@ -156,8 +158,11 @@ void Health::Handle(int method) {
                                  }));
 }
 
-Health::Health(StallWatch& stalls)
-    : stalls_(stalls), requests_(kRequestPatience, kMaxRequests), watches_(kForever, kMaxWatches) {
+Health::Health(StallWatch& stalls, FloodGuard& floods)
+    : stalls_(stalls),
+      floods_(floods),
+      requests_(kRequestPatience, kMaxRequests),
+      watches_(kForever, kMaxWatches) {
   Handle<CheckCall>(kCheck);
   Handle<WatchCall>(kWatch);
 }

@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "server/flood_guard.h"
 #include "server/stall_watch.h"
 
 namespace treelight::server {
@@ -17,8 +18,9 @@ namespace treelight::server {
 /// call, and is never old.
 class Health final : public grpc::health::v1::Health::CallbackService {
  public:
-  /// SERVING. `stalls` ends the calls whose client takes no answer; outlives the service.
-  explicit Health(StallWatch& stalls);
+  /// SERVING. `stalls` ends the calls whose client takes no answer, `floods` counts them; both
+  /// outlive the service.
+  Health(StallWatch& stalls, FloodGuard& floods);
 
   /// NOT_SERVING from now on. Those who watch are told.
   void Close();
@@ -34,6 +36,7 @@ class Health final : public grpc::health::v1::Health::CallbackService {
   static bool IsKnown(std::string_view service);
 
   StallWatch& stalls_;
+  FloodGuard& floods_;
   StallWatch requests_;  // calls whose request is on its way
   StallWatch watches_;   // calls that watch
   std::mutex mutex_;

@@ -64,8 +64,13 @@ absl::Status CheckHealth(const HealthCheck& check, std::chrono::milliseconds tim
   bool ok = false;
   queue.Next(&tag, &ok);
   if (!status.ok()) {
-    return absl::UnavailableError(
-        fmt::format("'{}' does not answer: {}", check.listen, status.error_message()));
+    // What a server with TLS does to who speaks without.
+    const bool hung_up = check.tls.empty() &&
+                         status.error_code() == grpc::StatusCode::UNAVAILABLE &&
+                         status.error_message().find("Failed to connect") == std::string::npos;
+    return absl::UnavailableError(fmt::format(
+        "'{}' does not answer: {}{}", check.listen, status.error_message(),
+        hung_up ? "; where it serves with TLS, give its --tls-cert and --tls-key" : ""));
   }
   if (!IsServing(response))
     return absl::UnavailableError(fmt::format("'{}' says that it does not serve", check.listen));

@@ -63,6 +63,7 @@ class LateUnary : public grpc::ServerBidiReactor<Request, Response> {
                                   "the call has no request, or one that is no message")
                             : alive);
     }
+    call().MessageCame();
     const std::size_t bytes = request_.ByteSizeLong();
     if (bytes <= kFewBytes) call().RequestCounted();
     if (bytes <= max_bytes_) return Run(absl::OkStatus());

@@ -9,30 +9,36 @@
 
 namespace treelight::server {
 
-bool OpenConnections::Enter(int handle) {
+std::optional<SocketId> SocketId::Of(int handle) {
   struct stat status {};
-  if (fstat(handle, &status) != 0) return false;
+  if (fstat(handle, &status) != 0) return std::nullopt;
+  return SocketId{.handle = handle, .device = status.st_dev, .inode = status.st_ino};
+}
+
+bool SocketId::IsOpen() const {
+  const auto now = Of(handle);
+  return now && now->device == device && now->inode == inode;
+}
+
+bool OpenConnections::Enter(int handle) {
+  const auto socket = SocketId::Of(handle);
+  if (!socket) return false;
   const std::lock_guard lock(mutex_);
   // Who is refused must not cost a look at all the others each time.
   constexpr std::chrono::milliseconds kBetweenLooks{20};
   const auto now = std::chrono::steady_clock::now();
   if (sockets_.size() >= limit_ && now - looked_ >= kBetweenLooks) {
-    std::erase_if(sockets_, [](const Socket& socket) { return !socket.IsOpen(); });
+    std::erase_if(sockets_, [](const SocketId& known) { return !known.IsOpen(); });
     looked_ = now;
   }
   if (sockets_.size() >= limit_ && !Broken("connections")) return false;
-  sockets_.push_back({.handle = handle, .device = status.st_dev, .inode = status.st_ino});
+  sockets_.push_back(*socket);
   return true;
 }
 
 std::size_t OpenConnections::open() const {
   const std::lock_guard lock(mutex_);
-  return std::ranges::count_if(sockets_, &Socket::IsOpen);
-}
-
-bool OpenConnections::Socket::IsOpen() const {
-  struct stat status {};
-  return fstat(handle, &status) == 0 && status.st_dev == device && status.st_ino == inode;
+  return std::ranges::count_if(sockets_, &SocketId::IsOpen);
 }
 
 std::size_t AffordableConnections(std::size_t wanted) {

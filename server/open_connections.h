@@ -5,9 +5,21 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 namespace treelight::server {
+
+/// A socket that somebody else owns and closes.
+struct SocketId {
+  /// Of the socket whose handle that is now; none where it is no open file.
+  static std::optional<SocketId> Of(int handle);
+
+  bool IsOpen() const;  ///< whether `handle` stands for it still; a system call
+
+  int handle = -1;
+  std::uint64_t device = 0, inode = 0;  // of the socket: handles are used again
+};
 
 /// Counts the connections of clients. gRPC closes them and tells nobody: a connection is open as
 /// long as its handle stands for the same socket. Safe to call from several threads at once.
@@ -25,16 +37,9 @@ class OpenConnections {
   std::size_t limit() const { return limit_; }
 
  private:
-  struct Socket {
-    bool IsOpen() const;
-
-    int handle = -1;
-    std::uint64_t device = 0, inode = 0;  // of the socket: handles are used again
-  };
-
   const std::size_t limit_;
   mutable std::mutex mutex_;
-  std::vector<Socket> sockets_;  // guarded by mutex_; closed ones too, until they are looked for
+  std::vector<SocketId> sockets_;  // guarded by mutex_; closed ones too, until they are looked for
   std::chrono::steady_clock::time_point looked_;  // guarded by mutex_; when they were
 };
 

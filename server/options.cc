@@ -20,15 +20,6 @@ absl::Status CheckListen(const std::string& address, bool guarded, std::string_v
       fmt::format("address '{}' can be reached from other machines; {}", address, remedy));
 }
 
-absl::Status CheckTls(const TlsFiles& tls) {
-  if (tls.certificate.empty() == tls.key.empty() &&
-      (tls.client_ca.empty() || !tls.certificate.empty())) {
-    return absl::OkStatus();
-  }
-  return absl::InvalidArgumentError(
-      "TLS needs both --tls-cert and --tls-key, and --tls-client-ca stands beside them");
-}
-
 /// What is wrong with the addresses.
 absl::Status CheckAddresses(const ServerOptions& options) {
   const bool guarded = !options.tls.empty() && !options.token_file.empty();
@@ -52,6 +43,15 @@ absl::Status CheckAddresses(const ServerOptions& options) {
 
 }  // namespace
 
+absl::Status CheckTlsOptions(const TlsFiles& tls) {
+  if (tls.certificate.empty() == tls.key.empty() &&
+      (tls.client_ca.empty() || !tls.certificate.empty())) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      "TLS needs both --tls-cert and --tls-key, and --tls-client-ca stands beside them");
+}
+
 absl::Status CheckOptions(const ServerOptions& options) {
   if (options.queue_depth == 0) {
     return absl::InvalidArgumentError("queue depth is 0, it must be at least 1");
@@ -74,7 +74,7 @@ absl::Status CheckOptions(const ServerOptions& options) {
   if (options.max_connections == 0) {
     return absl::InvalidArgumentError("open connections are 0, there must be at least 1");
   }
-  if (auto status = CheckTls(options.tls); !status.ok()) return status;
+  if (auto status = CheckTlsOptions(options.tls); !status.ok()) return status;
   return CheckAddresses(options);
 }
 

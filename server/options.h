@@ -70,6 +70,9 @@ struct ServerOptions {
   int device_index = 0;  ///< which of `devices` the builder works on
 };
 
+/// INVALID_ARGUMENT: a file is missing beside the others.
+absl::Status CheckTlsOptions(const TlsFiles& tls);
+
 /// INVALID_ARGUMENT names the option that is wrong; also an address that other machines can reach
 /// where neither TLS and tokens guard it nor `allow_insecure` is true.
 absl::Status CheckOptions(const ServerOptions& options);

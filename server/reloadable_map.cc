@@ -69,15 +69,21 @@ std::shared_ptr<const ResidentTree> ReloadableMap::Evict() const {
 }
 
 absl::StatusOr<Photons> ReloadableMap::ReadPhotons() const {
-  std::shared_ptr<const ResidentTree> tree;
-  {
+  while (true) {
+    std::shared_ptr<const ResidentTree> tree;
+    std::chrono::steady_clock::time_point used;
+    {
+      const std::lock_guard lock(mutex_);
+      tree = tree_;
+      used = last_use_;
+    }
+    // What is saved stays as long as the tree is away.
+    auto photons = keeper_->Read();
+    if (!absl::IsNotFound(photons.status())) return photons;
+    if (tree != nullptr) return tree->gatherer->ReadPhotons();
     const std::lock_guard lock(mutex_);
-    tree = tree_;
+    if (last_use_ == used) return photons;  // else it may have come back, by which nothing is saved
   }
-  // What is saved stays as long as the tree is away.
-  auto photons = keeper_->Read();
-  return absl::IsNotFound(photons.status()) && tree != nullptr ? tree->gatherer->ReadPhotons()
-                                                               : std::move(photons);
 }
 
 std::chrono::steady_clock::time_point ReloadableMap::last_use() const {

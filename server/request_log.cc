@@ -9,6 +9,7 @@
 #include "fmt/format.h"
 #include "google/protobuf/util/json_util.h"
 #include "nlohmann/json.hpp"
+#include "server/rare_line.h"
 #include "spdlog/async.h"
 #include "spdlog/sinks/stdout_sinks.h"
 
@@ -116,6 +117,10 @@ absl::StatusOr<std::unique_ptr<RequestLog>> RequestLog::Open(const std::string& 
   log->logger_ = std::make_shared<spdlog::async_logger>(
       "requests", std::move(sink), log->writer_, spdlog::async_overflow_policy::overrun_oldest);
   log->logger_->set_pattern("%v");
+  // The writer may outlive the log.
+  log->logger_->set_error_handler([line = std::make_shared<RareLine>()](const std::string& what) {
+    line->Tell(fmt::format("a line of the request log is lost: {}", what));
+  });
   log->logger_->flush_on(spdlog::level::info);
   return log;
 }

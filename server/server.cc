@@ -26,6 +26,7 @@
 #include "server/tls.h"
 #include "server/tokens.h"
 #include "server/unix_socket.h"
+#include "server/unknown_methods.h"
 
 namespace treelight::server {
 namespace {
@@ -35,8 +36,6 @@ namespace {
 constexpr int kMinPingIntervalMs = 5'000;
 /// A client that has vanished is noticed after these two.
 constexpr int kPingIntervalMs = 60'000, kPingTimeoutMs = 20'000;
-/// Calls of one connection at once; more wait at the client.
-constexpr int kMaxStreams = 256;
 /// Metadata of a call, bytes.
 constexpr int kMaxMetadataBytes = 8192;
 /// Who connects and does not speak HTTP/2, or TLS first, is cut off.
@@ -55,7 +54,7 @@ void Configure(const ServerOptions& options, grpc::ServerBuilder& builder) {
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kPingIntervalMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kPingTimeoutMs);
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreams);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, static_cast<int>(kMaxStreams));
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
   builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
   // Else the window of a stream, which a client may fill and no call reads, grows with the speed of
@@ -94,12 +93,14 @@ struct Server::Impl {
        std::unique_ptr<RequestLog> log, std::unique_ptr<Tokens> tokens)
       : state(options, std::move(builder), std::move(log), std::move(tokens)),
         service(state),
-        health(state.stalls) {}
+        health(state.stalls, state.floods),
+        unknown(state.floods) {}
 
   SocketLock lock;  // first: held until the server has let go of the socket
   State state;
   PhotonMapService service;
   Health health;
+  UnknownMethods unknown;
   int port = 0;
   std::unique_ptr<MetricsEndpoint> metrics;  // null where nobody asked for it
   std::unique_ptr<grpc::Server> server;      // its calls use the rest
@@ -144,6 +145,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   if (!options.token_file.empty()) server_builder.SetOption(std::make_unique<WithoutReflection>());
   server_builder.RegisterService(&impl->service);
   server_builder.RegisterService(&impl->health);
+  server_builder.RegisterCallbackGenericService(&impl->unknown);
   ListeningSockets sockets;
   if (!options.listen.empty()) {
     auto bound = ListeningSockets::Bind(options.listen, options.socket_mode);
@@ -168,10 +170,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
                             [tls = options.tls] { Tell(CheckTlsFiles(tls)); });
   }
   if (impl->clients != nullptr) {
-    impl->acceptor.emplace(std::move(sockets), impl->state.connections,
-                           [&clients = *impl->clients](FileHandle connection) {
-                             HandOver(clients, std::move(connection));
-                           });
+    impl->acceptor.emplace(
+        std::move(sockets), impl->state.connections,
+        [&clients = *impl->clients, &floods = impl->state.floods](FileHandle connection) {
+          floods.Watch(connection.get());
+          HandOver(clients, std::move(connection));
+        });
   }
   return std::unique_ptr<Server>(new Server(std::move(impl)));
 }

@@ -1,6 +1,8 @@
 #ifndef TREELIGHT_SERVER_SNAPSHOT_FOLDER_H_
 #define TREELIGHT_SERVER_SNAPSHOT_FOLDER_H_
 
+#include <unistd.h>
+
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -43,9 +45,13 @@ class SnapshotFolder {
   /// none.
   using Approve = std::function<absl::Status()>;
 
-  /// Opens `path`, and makes it with mode 0700 where it is missing. PERMISSION_DENIED: that cannot
-  /// be.
-  static absl::StatusOr<std::unique_ptr<SnapshotFolder>> Open(const std::string& path);
+  /// fsync(2), by which a file, or the names in a folder, get to the disk.
+  using SyncCall = std::function<int(int handle)>;
+
+  /// Opens `path`, and makes it with mode 0700 where it is missing. `sync` is another fsync for
+  /// tests, which lose what it was not asked for. PERMISSION_DENIED: that cannot be.
+  static absl::StatusOr<std::unique_ptr<SnapshotFolder>> Open(const std::string& path,
+                                                              SyncCall sync = ::fsync);
 
   ~SnapshotFolder();
   SnapshotFolder(const SnapshotFolder&) = delete;
@@ -101,13 +107,15 @@ class SnapshotFolder {
   const std::string& path() const { return path_; }
 
  private:
-  SnapshotFolder(std::string path, int handle) : path_(std::move(path)), handle_(handle) {}
+  SnapshotFolder(std::string path, int handle, SyncCall sync)
+      : path_(std::move(path)), handle_(handle), sync_(std::move(sync)) {}
   absl::Status Sync() const;
   absl::Status Failed(std::string_view what, int error) const;
   absl::Status Failed(std::string_view what, const absl::Status& error) const;
 
   const std::string path_;
   const int handle_;  // of the folder
+  const SyncCall sync_;
 };
 
 /// "NAME@VERSION.tlmap".

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstddef>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "server/active_calls.h"
 #include "server/build_slots.h"
 #include "server/device_queue.h"
+#include "server/flood_guard.h"
 #include "server/folder_mirror.h"
 #include "server/map_store.h"
 #include "server/memory_budget.h"
@@ -41,6 +43,15 @@ inline MemoryBudget MakeMemoryBudget(const ServerOptions& options) {
   return MemoryBudget(limit, TurnBytes(limit, options.limits.max_message_bytes));
 }
 
+/// Calls of one connection that may be open at once; more wait at the client.
+inline constexpr std::size_t kMaxStreams = 256;
+
+/// As many calls again as may be open; and room for what PoCL compiles meanwhile.
+inline FloodGuard::Limits MakeFloodLimits(const ServerOptions& options) {
+  constexpr std::uint64_t kBytes = 256 << 20;
+  return {.calls = 2 * options.max_calls, .own_calls = kMaxStreams, .bytes = kBytes};
+}
+
 /// What all calls share; each part guards itself.
 struct State {
   State(const ServerOptions& server_options, std::unique_ptr<Builder> map_builder,
@@ -53,6 +64,11 @@ struct State {
         build_slots(options.build_slots),
         connections(AffordableConnections(options.max_connections)),
         calls(options.max_calls),
+        floods(MakeFloodLimits(options),
+               [this] {
+                 const auto usage = memory.usage();
+                 return std::accumulate(usage.begin(), usage.end(), std::uint64_t{0});
+               }),
         stalls(options.stall),
         turns(options.stall,
               AffordableTurns(memory.limit_bytes(), options.limits.max_message_bytes)),
@@ -95,6 +111,7 @@ struct State {
   MapStore store;
   OpenConnections connections;
   ActiveCalls calls;
+  FloodGuard floods;
   StallWatch stalls;
   RequestTurns turns;
   // As many as TBB has workers; asking for more makes it write a warning to stderr, where the log

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -57,6 +58,10 @@ std::string SocketPath(std::string_view listen) {
 absl::StatusOr<SocketLock> SocketLock::Take(std::string_view listen) {
   const std::string path = SocketPath(listen);
   if (path.empty() || Broken("socket_lock")) return SocketLock();
+  struct stat there {};
+  if (lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode)) {
+    return CannotListen(listen, "what is there is no socket, and is left alone");
+  }
   const std::string file = fmt::format("{}.lock", path);
   SocketLock lock(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (lock.handle_ < 0) {

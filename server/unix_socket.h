@@ -18,7 +18,8 @@ std::string SocketPath(std::string_view listen);
 class SocketLock {
  public:
   /// Of "unix:/path"; of any other address one that holds nothing. UNAVAILABLE: another process
-  /// holds the lock, somebody answers on the socket, or this user may not know.
+  /// holds the lock, somebody answers on the socket, another file has its path, or this user may
+  /// not know.
   static absl::StatusOr<SocketLock> Take(std::string_view listen);
 
   SocketLock() = default;

@@ -25,6 +25,9 @@ TEST_F(ServerTlsTest, TlsServesThoseWhoTrustItsCaAndTellsTheOthers) {
   EXPECT_TRUE(Ask(address, Tls()).ok()) << Ask(address, Tls());
   Process health(WithTls({"healthcheck", "--listen", address}));
   EXPECT_EQ(health.Wait(), 0) << health.err();
+  Process without({"healthcheck", "--listen", address});
+  EXPECT_EQ(without.Wait(), 1);
+  EXPECT_THAT(without.err(), HasSubstr("give its --tls-cert and --tls-key"));
   EXPECT_THAT(std::string(Ask(address, {}).message()), HasSubstr("does the server want TLS"));
   EXPECT_THAT(
       std::string(

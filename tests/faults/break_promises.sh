@@ -30,6 +30,7 @@ durable_build           treelight_faults
 durable_delete          treelight_faults
 expiry                  treelight_faults
 fair_queue              breakable_tests       DeviceQueueTest.ASmallJobPassesTheLargeOnesOfOtherCalls
+floods                  server_flood_test     ServerFloodTest.CallsThatAreOpenedAndResetCostLittle
 format_version          breakable_tests       SnapshotTest.FilesOfEveryFormatVersionLoad
 health                  server_life_test      ServerLifeTest.HealthCheckFollowsTheServer
 healthcheck             server_life_test      ServerLifeTest.HealthCheckFollowsTheServer
@@ -63,6 +64,8 @@ slices                  breakable_tests       ServiceSlicesTest.AStreamThatIsNot
 socket_lock             server_process_test   ServerProcessTest.OfServersThatStartAtOnceOnOneUnixSocketOneServes
 socket_mode             server_security_test  ServerSecurityTest.AUnixSocketHasThePermissionsThatWereAskedFor
 stall                   treelight_faults
+sync_file               breakable_tests       PowerLossTest.WhatIsWrittenIsThere
+sync_folder             breakable_tests       PowerLossTest.WhatIsRemovedDoesNotComeBack:PowerLossTest.WhatIsWrittenIsThere
 ties                    treelight_faults
 token                   server_tokens_test    ServerTokensTest.ATokenOpensEveryCallAndHealthNeedsNone
 version                 treelight_faults
