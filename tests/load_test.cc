@@ -1,12 +1,15 @@
+#include <atomic>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <memory>
-#include <random>
+#include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
-#include "client/load/latency_histogram.h"
 #include "client/load/load_run.h"
+#include "client/load/load_table.h"
 #include "gtest/gtest.h"
 #include "tests/gated_builder.h"
 #include "tests/server_fixture.h"
@@ -16,37 +19,6 @@ namespace {
 
 using std::chrono::nanoseconds;
 using std::chrono_literals::operator""ms;
-
-TEST(LatencyHistogramTest, PercentilesAreWithinABucketOfSortedOnes) {
-  std::mt19937_64 engine(7);
-  std::lognormal_distribution<double> spread(13, 3);  // from microseconds to minutes
-  std::vector<std::int64_t> sorted;
-  LatencyHistogram histogram, part;
-  for (int i = 0; i < 20'000; ++i) {
-    const auto ns = static_cast<std::int64_t>(spread(engine));
-    sorted.push_back(ns);
-    (i % 2 == 0 ? histogram : part).Record(nanoseconds(ns));
-  }
-  histogram.Add(part);
-  std::ranges::sort(sorted);
-  EXPECT_EQ(histogram.count(), sorted.size());
-  EXPECT_EQ(histogram.max().count(), sorted.back());
-  for (const double fraction : {0.0, 0.001, 0.5, 0.9, 0.99, 0.999, 1.0}) {
-    const auto rank = std::max<std::size_t>(1, std::ceil(fraction * sorted.size()));
-    const double exact = static_cast<double>(sorted[rank - 1]);
-    const auto told = static_cast<double>(histogram.Percentile(fraction).count());
-    EXPECT_GE(told, exact) << fraction;
-    EXPECT_LE(told, exact * (1 + 1.0 / 128) + 1) << fraction;
-  }
-}
-
-TEST(LatencyHistogramTest, SmallNumbersAreExactAndNoneIsZero) {
-  LatencyHistogram histogram;
-  EXPECT_EQ(histogram.Percentile(0.5), nanoseconds(0));
-  for (int ns = -1; ns < 256; ++ns) histogram.Record(nanoseconds(ns));
-  EXPECT_EQ(histogram.Percentile(1), nanoseconds(255));
-  EXPECT_EQ(histogram.Percentile(129.0 / 257), nanoseconds(127));
-}
 
 TEST(LoadTest, IntendedTimesHaveTheRate) {
   LoadOptions options{.arrivals = Arrivals::kConstant, .rate = 100, .duration = 1000ms};
@@ -116,21 +88,105 @@ TEST_F(LoadRunTest, OpenLoopSendsAllThatIsDueAndCountsFromThen) {
                                .queries = 1});
   EXPECT_EQ(result.kinds[0].ok, 60u);
   EXPECT_GT(result.late, 30u);
-  EXPECT_FALSE(result.tail_is_sound());
+  EXPECT_FALSE(result.IsSound(0.99));
   // The waiting of those that could not be sent counts too: a tool that counts from the send would
   // tell of two slow requests.
   EXPECT_GT(result.kinds[0].latency.Percentile(0.5), 200ms);
 }
 
 TEST_F(LoadRunTest, RefusalsAndFailuresAreCountedApart) {
-  options_.limits.max_queries = 10;
-  Start();
+  const auto gate = std::make_shared<treelight::testing::Gate>();
+  options_.queue_depth = 1;
+  Start(std::make_unique<treelight::testing::GatedBuilder>(gate));
+  MustBuild("cloud", treelight::testing::MakePhotons(100, 1));
   PhotonMapClient client(server_->InProcessChannel());
-  const auto result =
+  client.SetRetryPatience({});
+  gate->open = false;
+  std::jthread opener([&] {
+    std::this_thread::sleep_for(300ms);
+    gate->open = true;
+  });
+  // While the device stands, one gather is on it, one waits, and there is no place for the others.
+  const auto full = RunLoad(client, {.name = "cloud"},
+                            {.arrivals = Arrivals::kConstant,
+                             .rate = 100,
+                             .duration = 200ms,
+                             .workers = 8,
+                             .queries = 1});
+  const KindResult& gathers = full.kinds[0];
+  EXPECT_EQ(gathers.sent, 20u);
+  EXPECT_GE(gathers.refused, 10u);
+  EXPECT_GE(gathers.ok, 1u);
+  EXPECT_EQ(gathers.failed, 0u) << gathers.first_failure;
+  EXPECT_EQ(gathers.sent, gathers.ok + gathers.refused);
+  EXPECT_EQ(gathers.latency.count(), gathers.ok);
+
+  const auto missing =
       RunLoad(client, {.name = "missing"}, {.duration = 50ms, .workers = 1, .queries = 5});
-  EXPECT_EQ(result.kinds[0].ok, 0u);
-  EXPECT_EQ(result.kinds[0].failed, result.kinds[0].sent);
-  EXPECT_EQ(result.kinds[0].first_failure.code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(missing.kinds[0].ok, 0u);
+  EXPECT_EQ(missing.kinds[0].refused, 0u);
+  EXPECT_EQ(missing.kinds[0].failed, missing.kinds[0].sent);
+  EXPECT_EQ(missing.kinds[0].first_failure.code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(LoadRunTest, AnInterruptEndsTheRunAndLeavesWhatWasMeasured) {
+  Start();
+  // The second request of the slower run is due after 100 s.
+  for (const double rate : {100.0, 0.01}) {
+    std::atomic<int> asked = 0;
+    const auto begin = std::chrono::steady_clock::now();
+    const auto result = Load({.arrivals = Arrivals::kConstant,
+                              .rate = rate,
+                              .duration = std::chrono::hours(1),
+                              .workers = 2,
+                              .queries = 1,
+                              .interrupted = [&asked] { return ++asked > 20; }});
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(60));
+    EXPECT_TRUE(result.interrupted);
+    EXPECT_GT(result.kinds[0].ok, 0u);
+    LoadRun run;
+    run.options.rate = rate;
+    run.result = result;
+    EXPECT_EQ(LoadRows({run})[0][1], "closed (interrupted)");
+  }
+}
+
+/// The row of a run with `ok` gathers that were answered, `late` of which were sent late.
+std::map<std::string, std::string> RowOf(std::uint64_t ok, std::uint64_t late) {
+  LoadRun run;
+  run.options.arrivals = Arrivals::kConstant;
+  run.options.rate = 10;
+  KindResult& gathers = run.result.kinds[0];
+  gathers.sent = gathers.ok = ok;
+  for (std::uint64_t i = 0; i < ok; ++i) gathers.latency.Record(1ms);
+  run.result.late = late;
+  run.result.seconds = 1;
+  const auto rows = LoadRows({run});
+  std::map<std::string, std::string> row;
+  for (std::size_t i = 0; i < LoadColumns().size(); ++i) row[LoadColumns()[i]] = rows[0][i];
+  return row;
+}
+
+TEST(LoadTest, ATailThatSaysNothingIsNotTold) {
+  // Of 1000 sends at most one may be late for a p99.9, ten for a p99.
+  for (const auto& [late, p99, p999] : {std::tuple{0, true, true},
+                                        {1, true, true},
+                                        {2, true, false},
+                                        {10, true, false},
+                                        {11, false, false}}) {
+    const auto row = RowOf(1000, static_cast<std::uint64_t>(late));
+    EXPECT_EQ(!row.at("p99_ms").empty(), p99) << late;
+    EXPECT_EQ(!row.at("p999_ms").empty(), p999) << late;
+    EXPECT_FALSE(row.at("p50_ms").empty());
+  }
+  for (const auto& [ok, p99, p999] :
+       {std::tuple{99, false, false}, {100, true, false}, {999, true, false}, {1000, true, true}}) {
+    const auto row = RowOf(static_cast<std::uint64_t>(ok), 0);
+    EXPECT_EQ(!row.at("p99_ms").empty(), p99) << ok;
+    EXPECT_EQ(!row.at("p999_ms").empty(), p999) << ok;
+    EXPECT_FALSE(row.at("p90_ms").empty());
+    EXPECT_FALSE(row.at("max_ms").empty());
+  }
 }
 
 }  // namespace

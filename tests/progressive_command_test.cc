@@ -42,27 +42,6 @@ class ProgressiveCommandTest : public ::treelight::testing::TreelightCommand {
     ASSERT_THAT(server_address_, Not(IsEmpty())) << server_.err();
   }
 
-  /// Starts `treelight` in the folder, its output in `out` and `err`.
-  pid_t Start(const std::string& arguments) {
-    const pid_t pid = fork();
-    if (pid == 0) {
-      const std::string command =
-          fmt::format("cd {} && TREELIGHT_SERVER={} exec {} {} >out 2>err </dev/null", folder_,
-                      server_address_, TREELIGHT_PROGRAM, arguments);
-      execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
-      _exit(127);
-    }
-    return pid;
-  }
-
-  Outcome End(pid_t pid) const {
-    int status = 0;
-    waitpid(pid, &status, 0);
-    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
-            .out = ReadFile(Path("out")),
-            .err = ReadFile(Path("err"))};
-  }
-
   /// Waits until at least `passes` are in the curve that is being written.
   void WaitForPasses(std::size_t passes) const {
     for (int tries = 0; tries < 3000; ++tries) {

@@ -51,6 +51,28 @@ class TreelightCommand : public ::testing::Test {
             .err = ReadFile(Path("err"))};
   }
 
+  /// Starts `treelight` in the folder, its output in `out` and `err`.
+  pid_t Start(const std::string& arguments) const {
+    const pid_t pid = fork();
+    if (pid == 0) {
+      const std::string command =
+          fmt::format("cd {} && TREELIGHT_SERVER={} exec {} {} >out 2>err </dev/null", folder_,
+                      server_address_, TREELIGHT_PROGRAM, arguments);
+      execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+      _exit(127);
+    }
+    return pid;
+  }
+
+  /// Waits for the end of one that was started.
+  Outcome End(pid_t pid) const {
+    int status = 0;
+    waitpid(pid, &status, 0);
+    return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+            .out = ReadFile(Path("out")),
+            .err = ReadFile(Path("err"))};
+  }
+
   /// Runs a command line that must fail with one line on stderr.
   std::string FailingRun(const std::string& arguments, int exit_code) const {
     const Outcome outcome = Run(arguments);

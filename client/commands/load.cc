@@ -10,6 +10,7 @@
 
 #include "client/commands/check.h"
 #include "client/commands/command.h"
+#include "client/commands/interrupt.h"
 #include "client/commands/output.h"
 #include "client/commands/server_option.h"
 #include "client/load/load_table.h"
@@ -50,13 +51,15 @@ LoadRun RunOnce(PhotonMapClient& client, const MapRef& map, const Options& optio
   load.duration = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * options.duration_s));
   load.rate = rate;
   if (rate == 0) load.arrivals = Arrivals::kClosed;
+  load.interrupted = &InterruptGuard::interrupted;
   load.workers = options.workers > 0 ? options.workers : rate == 0 ? kClosedWorkers : kOpenWorkers;
   LoadRun run{.options = load, .share = share, .result = RunLoad(client, map, load)};
-  if (!run.result.tail_is_sound()) {
+  if (!run.result.IsSound(0.999)) {
     Warn(fmt::format(
-        "at {:g} requests/s {} of {} sends were late by more than 1 ms, so there is no p99: {} "
+        "at {:g} requests/s {} of {} sends were late by more than 1 ms, so there is no {}: {} "
         "workers are too few, this machine is too busy, or the server is past its capacity",
-        rate, run.result.late, run.result.sent(), load.workers));
+        rate, run.result.late, run.result.sent(), run.result.IsSound(0.99) ? "p99.9" : "p99",
+        load.workers));
   }
   return run;
 }
@@ -72,11 +75,13 @@ std::vector<LoadRun> RunAll(PhotonMapClient& client, const MapRef& map, const Op
   std::vector<LoadRun> runs;
   if (options.rates.empty()) runs.push_back(RunOnce(client, map, options, 0, 0));
   for (const double rate : options.rates) {
+    if (InterruptGuard::interrupted()) return runs;
     runs.push_back(RunOnce(client, map, options, rate, 0));
   }
   const double capacity = options.shares.empty() ? 0 : Capacity(runs.front());
   if (capacity == 0) return runs;
   for (const double share : options.shares) {
+    if (InterruptGuard::interrupted()) return runs;
     runs.push_back(RunOnce(client, map, options, share * capacity, share));
   }
   return runs;
@@ -96,7 +101,7 @@ absl::Status Report(const std::vector<LoadRun>& runs, const Options& options) {
   const std::string csv = InFolder(options, "load.csv");
   if (auto status = WriteLoadCsv(csv, runs); !status.ok()) return status;
   const bool open = !options.rates.empty() || !options.shares.empty();
-  if (!open || !options.charts) return absl::OkStatus();
+  if (!open || !options.charts || InterruptGuard::interrupted()) return absl::OkStatus();
   // The numbers are what was asked for: they do not fail for want of Python.
   if (auto status = DrawLoadCharts({csv}, options.output); !status.ok()) {
     Warn({status.message().data(), status.message().size()});
@@ -114,6 +119,8 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
   // What is refused is counted, not repeated.
   (*client)->SetRetryPatience({});
   const MapRef name{.name = fmt::format("load-{:08x}", std::random_device{}())};
+  // From here on a map may be there to delete.
+  const InterruptGuard guard;
   const auto built =
       (*client)->BuildPhotonMap(name.name, MakeLoadPhotons(options.photons, options.load.seed),
                                 {.time_to_live = TimeToLive(options)});
@@ -126,7 +133,10 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
     for (const KindResult& kind : run.result.kinds) failure.Update(kind.first_failure);
   }
   const absl::Status reported = Report(runs, options);
-  return reported.ok() ? failure : reported;
+  if (!reported.ok()) return reported;
+  return InterruptGuard::interrupted()
+             ? absl::CancelledError("interrupted; what was measured is above")
+             : failure;
 }
 
 }  // namespace
@@ -152,7 +162,15 @@ void AddLoadCommand(CLI::App& app, GlobalOptions& global) {
       ->check(NumberIn(0.001, 100))
       ->excludes("--rates");
   command->add_option("--arrivals", load.arrivals, "Of the open loop: poisson or constant")
-      ->transform(CLI::CheckedTransformer(kOpenArrivals))
+      ->transform(CLI::Validator(
+          [](std::string& text) {
+            const auto arrivals = kOpenArrivals.find(text);
+            if (arrivals == kOpenArrivals.end())
+              return fmt::format("'{}' is neither poisson nor constant", text);
+            text = fmt::to_string(static_cast<int>(arrivals->second));
+            return std::string();
+          },
+          ""))
       ->default_str("poisson");
   command->add_option("--duration", options->duration_s, "Seconds of each run")
       ->check(NumberIn(0.01, 86'400))

@@ -5,6 +5,7 @@
 
 #include "CLI/CLI.hpp"
 #include "client/commands/command.h"
+#include "client/commands/interrupt.h"
 #include "client/commands/output.h"
 #include "client/commands/server_option.h"
 #include "core/keep_memory.h"
@@ -15,11 +16,17 @@
 namespace treelight::client {
 namespace {
 
-enum ExitCode { kExitOk = 0, kExitFailed = 1, kExitUsage = 2, kExitNoServer = 3 };
+enum ExitCode {
+  kExitOk = 0,
+  kExitFailed = 1,
+  kExitUsage = 2,
+  kExitNoServer = 3,
+  kExitInterrupted = 130
+};
 
 constexpr char kFooter[] =
     "Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers, or it is\n"
-    "stopping.\n"
+    "stopping; 130 load was interrupted and has told what it had.\n"
     "What fails says why in one line on stderr.";
 
 int Fail(int exit_code, const std::string& message) {
@@ -35,6 +42,8 @@ void QuietGrpc() {
 int Finish(const absl::Status& status, const GlobalOptions& global) {
   const std::string message(status.message());
   if (status.ok()) return kExitOk;
+  if (absl::IsCancelled(status) && InterruptGuard::interrupted())
+    return Fail(kExitInterrupted, message);
   if (absl::IsDeadlineExceeded(status)) {
     return Fail(kExitFailed, fmt::format("the server took longer than {} ms: {}",
                                          global.timeout.count(), message));

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Draws latency and answers/s against the offered load as PNG and SVG: charts.py FOLDER LOAD.csv...
 
-One line for each percentile of each kind of request, from the runs of the open loop. A point where more than 1 % of the
-sends were late is hollow, and has no p99: the tail would be that of the tool. The vertical line is what the closed loop
-reached. Needs python3-matplotlib. `treelight load --output` runs this.
+One line for each percentile of each kind of request, from the runs of the open loop. A point without a p99, since more
+than 1 % of the sends were late and the tail would be that of the tool, or answers were too few, is hollow. Runs that were
+interrupted are left out. The vertical line is what the closed loop reached. Needs python3-matplotlib. `treelight load --output` runs this.
 """
 import sys
 

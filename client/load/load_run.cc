@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <random>
@@ -58,6 +59,17 @@ class Schedule {
   std::atomic<std::uint64_t> next_ = 0;
 };
 
+// Sleeps until `time`; false where `interrupted` says so before.
+bool SleepUntil(Clock::time_point time, const std::function<bool()>& interrupted) {
+  constexpr std::chrono::milliseconds kAtMost{50};
+  while (!interrupted || !interrupted()) {
+    const bool last = !interrupted || Clock::now() + kAtMost >= time;
+    std::this_thread::sleep_until(last ? time : Clock::now() + kAtMost);
+    if (last) return true;
+  }
+  return false;
+}
+
 // Whether request `number` is a build: they are spread evenly.
 bool IsBuild(std::uint64_t number, double share) {
   return std::floor(static_cast<double>(number + 1) * share) >
@@ -70,6 +82,10 @@ std::uint64_t LoadResult::sent() const {
   std::uint64_t sum = 0;
   for (const KindResult& kind : kinds) sum += kind.sent;
   return sum;
+}
+
+bool LoadResult::IsSound(double fraction) const {
+  return static_cast<double>(late) <= (1 - fraction) * static_cast<double>(sent());
 }
 
 std::string KindName(RequestKind kind) { return kind == RequestKind::kGather ? "gather" : "build"; }
@@ -110,8 +126,10 @@ LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions
   const auto work = [&] {
     std::array<KindResult, kRequestKindCount> kinds;
     std::uint64_t late = 0;
+    bool interrupted = false;
     while (const auto next = schedule.Take()) {
-      std::this_thread::sleep_until(next->intended);
+      interrupted = !SleepUntil(next->intended, options.interrupted);
+      if (interrupted) break;
       if (Clock::now() - next->intended > kLate) ++late;
       const bool build = IsBuild(next->number, options.build_share);
       KindResult& kind =
@@ -135,6 +153,7 @@ LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions
       }
     }
     const std::lock_guard lock(mutex);
+    result.interrupted |= interrupted;
     if (options.arrivals != Arrivals::kClosed) result.late += late;
     for (std::size_t i = 0; i < kRequestKindCount; ++i) {
       KindResult& sum = result.kinds[i];

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,8 @@ struct LoadOptions {
   std::uint64_t queries = 1'000;         ///< of one gather
   GatherOptions gather{.k = 50, .radius = 0.1f, .outputs = kOutputCount | kOutputRadius};
   std::uint32_t seed = 1;
+  /// Asked before each send, from several threads at once: whether to send nothing more. Empty: no.
+  std::function<bool()> interrupted{};
 };
 
 /// What became of the requests of one kind.
@@ -49,15 +52,16 @@ struct KindResult {
 struct LoadResult {
   std::array<KindResult, kRequestKindCount> kinds;  ///< by RequestKind
   double seconds = 0;                               ///< until the last answer
+  bool interrupted = false;                         ///< by LoadOptions::interrupted
   /// Sent more than 1 ms after the moment they were meant to be, since all workers waited for
   /// answers or this machine was too busy: 0 for kClosed, where nothing is meant.
   std::uint64_t late = 0;
 
   std::uint64_t sent() const;
-  /// Whether a p99 says something: at most 1 % of the sends were late. Latencies count from the
-  /// intended moment, so that none is left out; but a tail made of waiting for workers is that of
-  /// this tool.
-  bool tail_is_sound() const { return 100 * late <= sent(); }
+  /// Whether the `fraction` that the latencies do not exceed, 0.99 say, says something: at most the
+  /// rest of the sends were late, 1 %. Latencies count from the intended moment, so that none is
+  /// left out; but a tail made of waiting for workers is that of this tool.
+  bool IsSound(double fraction) const;
 };
 
 /// Sends gathers around random points of the unit cube to `map`, and builds, for

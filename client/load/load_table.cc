@@ -1,5 +1,8 @@
 #include "client/load/load_table.h"
 
+#include <filesystem>
+#include <system_error>
+
 #include "client/chart_script.h"
 #include "client/load/charts_script.h"
 #include "client/output_file.h"
@@ -9,11 +12,14 @@
 namespace treelight::client {
 namespace {
 
-/// Of a tail that says nothing: empty.
+/// Of a tail that says nothing, for late sends or too few answers: empty.
 std::string Milliseconds(const LoadResult& result, const LatencyHistogram& latency,
                          double fraction) {
+  constexpr double kRoundings = 1e-9;
+  const double above = (1 - fraction) * static_cast<double>(latency.count());
+  const bool few = above < 1 - kRoundings;
   const bool tail = fraction >= 0.99;
-  if (latency.count() == 0 || (tail && !result.tail_is_sound())) return {};
+  if (latency.count() == 0 || (tail && (few || !result.IsSound(fraction)))) return {};
   return fmt::format("{:.3f}", 1e-6 * static_cast<double>(latency.Percentile(fraction).count()));
 }
 
@@ -21,23 +27,24 @@ std::vector<std::string> Row(const LoadRun& run, RequestKind kind) {
   const LoadResult& result = run.result;
   const KindResult& counted = result.kinds[static_cast<std::size_t>(kind)];
   const bool closed = run.options.arrivals == Arrivals::kClosed;
-  return {KindName(kind),
-          closed ? "closed" : "open",
-          run.share > 0 ? fmt::format("{:g}", run.share) : "",
-          closed ? "" : fmt::format("{:g}", run.options.rate),
-          fmt::to_string(counted.sent),
-          fmt::to_string(counted.ok),
-          fmt::to_string(counted.refused),
-          fmt::to_string(counted.failed),
-          fmt::to_string(result.late),
-          fmt::format("{:.2f}", static_cast<double>(counted.ok) / result.seconds),
-          Milliseconds(result, counted.latency, 0.5),
-          Milliseconds(result, counted.latency, 0.9),
-          Milliseconds(result, counted.latency, 0.99),
-          Milliseconds(result, counted.latency, 0.999),
-          counted.ok == 0
-              ? std::string()
-              : fmt::format("{:.3f}", 1e-6 * static_cast<double>(counted.latency.max().count()))};
+  return {
+      KindName(kind),
+      fmt::format("{}{}", closed ? "closed" : "open", result.interrupted ? " (interrupted)" : ""),
+      run.share > 0 ? fmt::format("{:g}", run.share) : "",
+      closed ? "" : fmt::format("{:g}", run.options.rate),
+      fmt::to_string(counted.sent),
+      fmt::to_string(counted.ok),
+      fmt::to_string(counted.refused),
+      fmt::to_string(counted.failed),
+      fmt::to_string(result.late),
+      fmt::format("{:.2f}", static_cast<double>(counted.ok) / result.seconds),
+      Milliseconds(result, counted.latency, 0.5),
+      Milliseconds(result, counted.latency, 0.9),
+      Milliseconds(result, counted.latency, 0.99),
+      Milliseconds(result, counted.latency, 0.999),
+      counted.ok == 0
+          ? std::string()
+          : fmt::format("{:.3f}", 1e-6 * static_cast<double>(counted.latency.max().count()))};
 }
 
 }  // namespace
@@ -69,6 +76,12 @@ absl::Status WriteLoadCsv(const std::string& path, const std::vector<LoadRun>& r
 }
 
 absl::Status DrawLoadCharts(const std::vector<std::string>& csv_paths, const std::string& folder) {
+  for (const std::string& path : csv_paths) {
+    if (std::error_code error; !std::filesystem::exists(path, error)) {
+      return absl::NotFoundError(fmt::format(
+          "{}: {}", path, error ? error.message() : std::string("there is no such file")));
+    }
+  }
   return RunChartScript(kLoadCharts, csv_paths, folder);
 }
 
