@@ -17,11 +17,11 @@ import tempfile
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 RUNS = {
-    "cornell_k32": (400, ["--spp", "4", "--photons", "50000", "--caustic-photons", "10000", "--k", "32", "--caustic-k", "20"]),
+    "cornell_k32": (400, ["--spp", "4", "--photons", "50000", "--caustic-photons", "10000", "--k", "32", "--caustic-k", "24"]),
     "cornell_k100": (512, ["--photons", "20000", "--caustic-photons", "4000"]),
 }
 LABELS = {
-    "cornell_k32": "5e4 + 1e4 photons, k 32 and 20, 4 samples a pixel",
+    "cornell_k32": "5e4 + 1e4 photons, k 32 and 24, 4 samples a pixel",
     "cornell_k100": "2e4 + 4e3 photons, k 100 and 60, 1 sample a pixel",
 }
 FIRST = 8  # pass from which on powers are fitted
