@@ -152,6 +152,8 @@ absl::StatusOr<GatherAnswer> GatherRanges(v1::PhotonMapService::Stub& stub, cons
     if (!part.ok()) return CountedFrom(part.status(), ranges[received_count].first);
     if (received_count == 0) {
       whole = *std::move(part);
+      if (ranges.size() > 1)
+        ReserveResult(options.outputs, options.k, queries.size(), whole.result);
     } else {
       AppendAnswer(*std::move(part), whole);
     }

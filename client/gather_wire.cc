@@ -4,13 +4,13 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "core/huge_pages.h"
 #include "core/model/half.h"
 #include "core/model/octahedral.h"
 #include "core/model/quantize.h"
@@ -54,9 +54,9 @@ absl::Status AppendArray(std::string_view field, const std::string& bytes, std::
     return Malformed(
         fmt::format("{} has {} bytes, expected {}", field, bytes.size(), count * sizeof(T)));
   }
-  if (count == 0) return absl::OkStatus();
-  array.resize(array.size() + count);
-  std::memcpy(&*array.end() - count, bytes.data(), bytes.size());
+  // A string's characters are aligned as its pointers are. Appended, so that they are written once.
+  const T* numbers = reinterpret_cast<const T*>(bytes.data());
+  array.insert(array.end(), numbers, numbers + count);
   return absl::OkStatus();
 }
 
@@ -221,6 +221,21 @@ void AppendResult(GatherResult part, GatherResult& whole) {
   whole.times += part.times;
 }
 
+void ReserveResult(std::uint32_t outputs, std::uint64_t k, std::uint64_t query_count,
+                   GatherResult& result) {
+  const auto reserve = [&](auto& array, std::uint32_t output, std::uint64_t per_query) {
+    if ((outputs & output) != 0) ReserveHuge(array, per_query * query_count);
+  };
+  reserve(result.counts, kOutputCount, 1);
+  reserve(result.radii, kOutputRadius, 1);
+  reserve(result.neighbor_ids, kOutputNeighbors, k);
+  reserve(result.neighbor_squared_distances, kOutputNeighbors, k);
+  reserve(result.densities, kOutputDensity, 3);
+  reserve(result.nodes_visited, kOutputStatistics, 1);
+  reserve(result.distance_tests, kOutputStatistics, 1);
+  reserve(result.error_bounds, kOutputErrorBound, 1);
+}
+
 AnswerAssembly::AnswerAssembly(const v1::GatherRequest& request)
     : batch_id_(request.batch_id()),
       query_count_(request.has_quantized()
@@ -232,7 +247,9 @@ AnswerAssembly::AnswerAssembly(const v1::GatherRequest& request)
       answer_{.result = {},
               .wire = {.request_bytes = request.ByteSizeLong()},
               .map = {.name = request.map(), .version = request.version()},
-              .timings = {}} {}
+              .timings = {}} {
+  ReserveResult(outputs_, k_, query_count_, answer_.result);
+}
 
 absl::Status AnswerAssembly::Add(const v1::GatherResponse& part) {
   if (const auto status = CheckPlace(part); !status.ok()) return status;

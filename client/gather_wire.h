@@ -30,6 +30,10 @@ v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
 /// Adds what travelled for further queries.
 void AppendWire(const WireSummary& part, WireSummary& whole);
 
+/// Makes room for the answers to `query_count` queries in all, but for lists without a cap.
+void ReserveResult(std::uint32_t outputs, std::uint64_t k, std::uint64_t query_count,
+                   GatherResult& result);
+
 /// Appends the answers to further queries, as if one call had answered all: offsets of lists go on
 /// where they ended.
 void AppendResult(GatherResult part, GatherResult& whole);

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "core/huge_pages.h"
 #include "core/model/first_beyond.h"
 #include "fmt/format.h"
 #include "server/break_switch.h"
@@ -95,9 +96,9 @@ Upload::Upload(const BuildPlan& plan, const Limits& limits)
 absl::StatusOr<Upload> Upload::Start(const BuildPlan& plan, const Limits& limits) {
   Upload upload(plan, limits);
   try {
-    upload.photons_.positions.reserve(3 * plan.photon_count);
-    if (plan.has_powers) upload.photons_.powers.reserve(3 * plan.photon_count);
-    if (plan.has_directions) upload.photons_.directions.reserve(2 * plan.photon_count);
+    ReserveHuge(upload.photons_.positions, 3 * plan.photon_count);
+    if (plan.has_powers) ReserveHuge(upload.photons_.powers, 3 * plan.photon_count);
+    if (plan.has_directions) ReserveHuge(upload.photons_.directions, 2 * plan.photon_count);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(fmt::format(
         "header.photon_count is {}: the server's memory does not hold so many at present; "

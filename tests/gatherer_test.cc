@@ -52,8 +52,8 @@ TEST_P(EveryCloud, AnswersAreBitEqualToBruteForce) {
   }
 }
 
-// Float sums of n positive terms, each right to a few roundings: within (n + 10) * 2^-24 of the sum
-// of all terms at their largest weight.
+// Sums whose roundings do not grow with their number, of terms that are right to a few roundings:
+// within 16 * 2^-24 of the sum of all terms at their largest weight.
 void ExpectCloseDensities(const GatherResult& actual, const GatherResult& expected,
                           const Photons& photons, DensityKernel kernel) {
   const double peak = kernel == DensityKernel::kConstant ? 1
@@ -67,7 +67,7 @@ void ExpectCloseDensities(const GatherResult& actual, const GatherResult& expect
     const double largest_sum =
         r > 0 && std::isfinite(r) ? n * peak * largest_power / (M_PI * r * r) : 0;
     ASSERT_NEAR(actual.densities[i], expected.densities[i],
-                (n + 10) * 0x1p-24 * largest_sum + std::numeric_limits<float>::min())
+                16 * 0x1p-24 * largest_sum + std::numeric_limits<float>::min())
         << i;
   }
 }
@@ -91,6 +91,24 @@ TEST_P(EveryCloud, DensitiesAreWithinTheStatedBound) {
         ExpectCloseDensities(actual, *pair.brute_force->Gather(queries, options), photons, kernel);
       }
     }
+  }
+}
+
+TEST(GathererTest, ADensityOfManyPhotonsIsAsPreciseAsOneOfFew) {
+  const Photons photons = MakeCloud(CloudNamed("uniform"), 300007, /*seed=*/7);
+  const MapPair pair = BuildPair(photons);
+  const auto positions = MakeQueries(photons, 3, /*seed=*/8);
+  for (const float tolerance : {0.0f, 0.001f}) {
+    const GatherOptions options{.k = 0,
+                                .radius = 0.7f,
+                                .outputs = kOutputCount | kOutputRadius | kOutputDensity,
+                                .kernel = DensityKernel::kEpanechnikov,
+                                .approximation = {.weight_tolerance = tolerance}};
+    const auto actual = pair.device->Gather({positions, {}, {}}, options);
+    const auto expected = pair.brute_force->Gather({positions, {}, {}}, options);
+    ASSERT_TRUE(actual.ok() && expected.ok());
+    ASSERT_GT(expected->counts[0], 100000u);
+    ExpectCloseDensities(*actual, *expected, photons, options.kernel);
   }
 }
 

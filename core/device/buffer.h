@@ -8,6 +8,7 @@
 
 #include "core/device/buffer_pool.h"
 #include "core/device/opencl.h"
+#include "core/huge_pages.h"
 
 namespace treelight {
 
@@ -36,7 +37,9 @@ class Buffer {
   /// Copies the first `count` elements, or those from `first` on, to the host; waits for `queue`.
   std::vector<T> Read(const cl::CommandQueue& queue, std::size_t count,
                       std::size_t first = 0) const {
-    std::vector<T> values(count);
+    std::vector<T> values;
+    ReserveHuge(values, count);
+    values.resize(count);
     if (count > 0) {
       queue.enqueueReadBuffer(*memory_, CL_TRUE, first * sizeof(T), count * sizeof(T),
                               values.data());

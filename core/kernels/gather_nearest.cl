@@ -175,13 +175,13 @@ kernel void gather_nearest(global const Node* restrict nodes, global const uint*
     tested_out[query] = tested;
   }
   if (params.outputs & kOutputDensity) {
-    float3 sum = 0.0f;
+    LongSum sum = {0.0f, 0.0f};
     for (uint i = 0; i < size; ++i) {
       const ulong value = heap[i * stride];
-      add_density(&sum, params, query, (uint)value, as_float((uint)(value >> 32)), r2, powers,
-                  normals);
+      add_to(&sum, weighted_power(params, query, (uint)value, as_float((uint)(value >> 32)), r2,
+                                  powers, normals));
     }
-    vstore3(finish_density(sum, r2), query, densities);
+    vstore3(finish_density(sum.sum, r2), query, densities);
   }
   if (params.outputs & kOutputNeighbors) {
     sort_heap(heap, stride, size);

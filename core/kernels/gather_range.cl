@@ -18,7 +18,7 @@ kernel void gather_range(global const Node* restrict nodes,
   const float radius = radius_of(params, query, radii_in), r2 = radius * radius;
   const bool sums = (params.outputs & kOutputDensity) != 0;
   uint found = 0, visited = 0, tested = 0;
-  float3 sum = 0.0f;
+  LongSum sum = {0.0f, 0.0f};
   uint stack[kMaxDepth];
   uint depth = 0;
   uint link = params.root.link, count = params.root.count;
@@ -35,7 +35,7 @@ kernel void gather_range(global const Node* restrict nodes,
         if (d2 > r2) continue;
         ++found;
         if (sums)
-          add_density(&sum, params, query, as_uint(photon.w), d2, r2, powers, normals);
+          add_to(&sum, weighted_power(params, query, as_uint(photon.w), d2, r2, powers, normals));
       }
     } else {
       const Children children = load_children(nodes, link);
@@ -68,7 +68,7 @@ kernel void gather_range(global const Node* restrict nodes,
   }
   if (params.outputs & kOutputCount) counts[query] = found;
   if (params.outputs & kOutputRadius) radii[query] = radius;
-  if (sums) vstore3(finish_density(sum, r2), query, densities);
+  if (sums) vstore3(finish_density(sum.sum, r2), query, densities);
   if (params.outputs & kOutputStatistics) {
     visited_out[query] = visited;
     tested_out[query] = tested;

@@ -1,6 +1,6 @@
-// Densities of all photons within a radius, where a subtree that lies within it whole is added up at
-// once: the kernel is taken as a line in the squared distance, and a line over a subtree is a sum of
-// its moments (core/cpu/whole_sum.h). Uses traverse.cl.
+// Densities of all photons within a radius, where a subtree that lies within it whole is added up
+// at once: the kernel is taken as a line in the squared distance, and a line over a subtree is a
+// sum of its moments (core/cpu/whole_sum.h). Uses traverse.cl.
 
 // As LinearWeight of core/cpu/whole_sum.h.
 typedef struct LinearWeight {
@@ -18,7 +18,7 @@ LinearWeight linearise(const uint kernel_type, const float near_s, const float f
 }
 
 // Adds weight * power of a subtree; returns how far each channel may be from the kernel's.
-float add_whole(float3* sum, global const PowerMoments* restrict moments, const float3 q,
+float add_whole(LongSum* sum, global const PowerMoments* restrict moments, const float3 q,
                 const float3 low, const float3 high, const float radius,
                 const LinearWeight weight) {
   const float scale = 1 / radius;
@@ -33,7 +33,7 @@ float add_whole(float3* sum, global const PowerMoments* restrict moments, const 
     const float s = (squared * m[0] + 2 * unit * first) + unit * unit * m[4];
     added[c] = weight.constant_part * m[0] + weight.slope * s;
   }
-  *sum += vload3(0, added);
+  add_to(sum, vload3(0, added));
   return weight.error * moments->absolute;
 }
 
@@ -62,7 +62,7 @@ kernel void gather_sums(global const Node* restrict nodes,
   const float3 q = vload3(query, positions);
   const float radius = radius_of(params, query, radii_in), r2 = radius * radius;
   uint found = 0, visited = 0, tested = 0;
-  float3 sum = 0.0f;
+  LongSum sum = {0.0f, 0.0f};
   float error = 0;
   uint stack[kMaxDepth];
   uint depth = 0;
@@ -79,8 +79,8 @@ kernel void gather_sums(global const Node* restrict nodes,
         const float d2 = photon_squared_distance(q, photon);
         if (d2 > r2) continue;
         ++found;
-        sum += density_weight(params.density_kernel, d2, r2) *
-               ((global const float4*)powers)[as_uint(photon.w)].xyz;
+        add_to(&sum, density_weight(params.density_kernel, d2, r2) *
+                         ((global const float4*)powers)[as_uint(photon.w)].xyz);
       }
     } else {
       const Children children = load_children(nodes, link);
@@ -121,7 +121,7 @@ kernel void gather_sums(global const Node* restrict nodes,
   }
   if (params.outputs & kOutputCount) counts[query] = found;
   if (params.outputs & kOutputRadius) radii[query] = radius;
-  vstore3(finish_density(sum, r2), query, densities);
+  vstore3(finish_density(sum.sum, r2), query, densities);
   error_bounds[query] = finish_density((float3)(error), r2).x;
   if (params.outputs & kOutputStatistics) {
     visited_out[query] = visited;

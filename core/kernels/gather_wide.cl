@@ -255,7 +255,8 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
       float3 sum = 0.0f;
       for (uint r = 0; r < SORTED_ROWS; ++r) {
         if (r * SUB_GROUP_SIZE + lane < found)
-          add_density(&sum, params, query, sorted[r].y, as_float(sorted[r].x), r2, powers, normals);
+          sum += weighted_power(params, query, sorted[r].y, as_float(sorted[r].x), r2, powers,
+                                normals);
       }
       const float density = finish_channel(sub_group_sum_each(sum), r2);
       if (lane < 3) densities[3 * query + lane] = density;

@@ -69,13 +69,28 @@ bool comes_from_front(const short2 direction, const float3 normal) {
   return x * normal.x + y * normal.y + z * normal.z < 0;
 }
 
-// Adds the photon `id` to a density sum.
-void add_density(float3* sum, const GatherParams params, const uint query, const uint id,
-                 const float d2, const float r2, global const PhotonPower* restrict powers,
-                 global const float* restrict normals) {
+// A sum of many numbers, with what its roundings lost (Kahan 1965): its error does not grow with
+// their number.
+typedef struct LongSum {
+  float3 sum, lost;
+} LongSum;
+
+void add_to(LongSum* sum, const float3 value) {
+  const float3 rest = value - sum->lost;
+  const float3 more = sum->sum + rest;
+  // Nothing is known of what an infinite sum lost.
+  sum->lost = select((float3)(0.0f), (more - sum->sum) - rest, isfinite(more));
+  sum->sum = more;
+}
+
+// What the photon `id` adds to a density sum.
+float3 weighted_power(const GatherParams params, const uint query, const uint id, const float d2,
+                      const float r2, global const PhotonPower* restrict powers,
+                      global const float* restrict normals) {
   const float4 power = ((global const float4*)powers)[id];
-  if (params.has_normals && !comes_from_front(as_short2(power.w), vload3(query, normals))) return;
-  *sum += density_weight(params.density_kernel, d2, r2) * power.xyz;
+  if (params.has_normals && !comes_from_front(as_short2(power.w), vload3(query, normals)))
+    return 0.0f;
+  return density_weight(params.density_kernel, d2, r2) * power.xyz;
 }
 
 // Density of a channel's sum over a disc of squared radius r2; 0 where the disc has no area or no
