@@ -7,10 +7,13 @@ cd "$(dirname "$0")/.."
 # FILE of core/kernels @ sed expression @ test that must fail
 mutations='
 bounds.cl         @ s/half_size > 0; half_size/half_size > 1; half_size/ @ bounds_test
+bounds.cl         @ s/0x1p21f/0x1p20f/ @ bounds_test
 morton.cl         @ s/0x030c30c3u/0x030c30c2u/ @ morton_test
 morton.cl         @ s/0x10c30c30c30c30c3ul/0x10c30c30c30c30c2ul/ @ morton_test
 scan.cl           @ s/return sum - value;/return sum;/ @ scan_test
 radix_sort.cl     @ s/shared, shift + 4)/shared, shift)/ @ radix_sort_test
+query_order.cl    @ s/ : -2);/ : 0);/ @ query_order_test
+query_order.cl    @ s/<= near_cells/< 1024u/ @ query_order_test
 split_levels.cl   @ s/clz(difference) - 2/clz(difference) - 1/ @ split_levels_test
 ties.cl           @ s/127 + 9 - exponent/127 + 8 - exponent/ @ ties_test
 ties.cl           @ s/(leaf_count + 1) \/ 2/leaf_count \/ 2/ @ ties_test
@@ -31,14 +34,16 @@ photon_powers.cl  @ s/vload3(i, powers)/vload3(i \/ 2, powers)/ @ gatherer_test
 heap.cl           @ s/heap\[(child + 1) \* stride\] > largest/heap[(child + 1) * stride] < largest/ @ gatherer_test
 traverse.cl       @ s/normal.z < 0/normal.z > 0/ @ gatherer_test
 traverse.cl       @ s/return fmax(2.0f/return fmax(1.99f/ @ gatherer_test
+traverse.cl       @ s/value - sum->lost/value/ @ gatherer_test
 traverse.cl       @ s/fmax(q - low, high - q)/fmax(low - q, q - high)/ @ gatherer_test
 gather_nearest.cl @ s/bits < limit ||/bits < limit \&\& false ||/ @ gatherer_test
 gather_nearest.cl @ s/ || (bits == limit \&\& \*min_id < (uint)worst)// @ gatherer_test
 gather_nearest.cl @ s/(uint)worst);$/0xffffffffu);/ @ gatherer_test
-gather_nearest.cl @ s/d2 \* squared_stretch/2 * d2 * squared_stretch/ @ approximate_nearest_test
+gather_nearest.cl @ s/d2 \* given_up->squared_stretch/2 * d2 * given_up->squared_stretch/ @ approximate_nearest_test
 gather_nearest.cl @ s/if (--leaves_left == 0)/if (--leaves_left == 1)/ @ approximate_nearest_test
 gather_sums.cl    @ s/2 \* unit \* first/unit * first/ @ approximate_density_test
 gather_sums.cl    @ s/8 \* sum/9 * sum/ @ approximate_density_test
+../model/first_beyond.cc @ s/<= limit/< limit/ @ first_beyond_test
 ../model/power_moments.cc @ s/square += other.square +/square +=/ @ approximate_density_test
 ../cpu/simd/packed_search_impl.h @ s/near ^= left_out;/near \&= ~left_out << 1;/ @ approximate_nearest_test
 gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_test
