@@ -46,7 +46,8 @@ TEST_F(ServerTlsTest, TlsServesThoseWhoTrustItsCaAndTellsTheOthers) {
   EXPECT_TRUE(Eventually([&] {
     const auto status = Ask(address, Tls());
     return std::string(status.message()).find("is of another host") != std::string::npos;
-  })) << Ask(address, Tls());
+  })) << Ask(address, Tls())
+      << server.err();
 
   // TLS to a server without.
   Process plain({"--listen", "127.0.0.1:0"});

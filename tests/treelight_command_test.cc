@@ -286,7 +286,7 @@ TEST_F(TreelightCommandTest, HelpTellsTheExitCodes) {
   EXPECT_THAT(
       help.out,
       HasSubstr("Exit codes: 0 done; 1 failed; 2 the command line is wrong; 3 no server answers, "
-                "or it is\nstopping."));
+                "or it is\nstopping; 130 load was interrupted"));
   EXPECT_THAT(Run("--version").out, StartsWith("treelight "));
 }
 
