@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -142,20 +143,24 @@ absl::Status LoadSnapshots(State& state) {
 absl::StatusOr<MapHandle> KeepMap(State& state, StoredMap map, const Photons& photons) {
   v1::PhotonMap wire = ToWire(map);
   MapHandle known;
-  // Nobody else has built for this request before the file has its name.
+  std::optional<FolderMirror::Transit> transit;
+  // Nobody else has built for this request before the file has its name. Until then a file of that
+  // name is another server's, which is shown.
   const auto approve = [&] {
     state.mirror->Update();
     known = state.store.FindRequest(map.request_id);
     if (Broken("shared_request_id")) known = nullptr;
-    return known == nullptr ? absl::OkStatus() : absl::AbortedError("it is built already");
+    if (known != nullptr) return absl::AbortedError("it is built already");
+    transit.emplace(*state.mirror,
+                    [&] { return std::vector{SnapshotName(map.name, map.version)}; });
+    return absl::OkStatus();
   };
   while (true) {
+    transit.reset();
     // A file that another server, or a later program, has put there keeps its version.
     if (!Broken("shared_version")) state.mirror->Update();
     map.version = state.store.ReserveVersion(map.name);
     wire.set_version(map.version);
-    const FolderMirror::Transit transit(
-        *state.mirror, [&] { return std::vector{SnapshotName(map.name, map.version)}; });
     const auto written =
         state.snapshots->Write(wire, map.request_id, map.request, photons, approve);
     if (known != nullptr) {

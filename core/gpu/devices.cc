@@ -78,13 +78,19 @@ bool IsNamed(const DeviceInfo& info, const std::string& wanted) {
 /// name.
 absl::StatusOr<FoundDevice> Choose(std::vector<FoundDevice> devices, const std::string& wanted) {
   std::string names;
+  bool any_open_cl = false;
   for (FoundDevice& device : devices) {
     if (wanted.empty() || IsNamed(device.info, wanted)) return std::move(device);
+    any_open_cl |= device.open_cl.has_value();
     names +=
         fmt::format("{}{}: {}", names.empty() ? "" : ", ", device.info.index, device.info.name);
   }
+  // PoCL without a folder for its kernels lists no device and says nothing.
   return absl::NotFoundError(
-      fmt::format("device \"{}\" is none of those here ({})", wanted, names));
+      fmt::format("device \"{}\" is none of those here ({}){}", wanted, names,
+                  any_open_cl ? ""
+                              : "; OpenCL has none: PoCL needs a folder that it can write "
+                                "(--cache-dir, HOME or POCL_CACHE_DIR)"));
 }
 
 /// The devices that `wanted` names, separated by commas, at least one. NOT_FOUND: one is none of
