@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <span>
 #include <string>
@@ -11,15 +10,16 @@
 #include <vector>
 
 #include "core/huge_pages.h"
+#include "core/model/first_beyond.h"
 #include "core/model/half.h"
 #include "core/model/octahedral.h"
 #include "core/model/quantize.h"
+#include "core/model/wire_array.h"
 #include "fmt/format.h"
 
 namespace treelight::client {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "arrays travel as they are in memory");
 static_assert(kOutputCount == v1::OUTPUT_COUNT && kOutputRadius == v1::OUTPUT_RADIUS &&
               kOutputNeighbors == v1::OUTPUT_NEIGHBORS && kOutputDensity == v1::OUTPUT_DENSITY &&
               kOutputStatistics == v1::OUTPUT_STATISTICS &&
@@ -37,11 +37,6 @@ v1::DensityKernel ToWire(DensityKernel kernel) {
   return v1::DENSITY_KERNEL_UNSPECIFIED;
 }
 
-template <typename T>
-std::string Bytes(std::span<const T> array) {
-  return {reinterpret_cast<const char*>(array.data()), array.size_bytes()};
-}
-
 absl::Status Malformed(std::string_view what) {
   return absl::InternalError(fmt::format("malformed answer from the server: {}", what));
 }
@@ -54,9 +49,7 @@ absl::Status AppendArray(std::string_view field, const std::string& bytes, std::
     return Malformed(
         fmt::format("{} has {} bytes, expected {}", field, bytes.size(), count * sizeof(T)));
   }
-  // A string's characters are aligned as its pointers are. Appended, so that they are written once.
-  const T* numbers = reinterpret_cast<const T*>(bytes.data());
-  array.insert(array.end(), numbers, numbers + count);
+  AppendFromWire(bytes, array);
   return absl::OkStatus();
 }
 
@@ -105,13 +98,12 @@ absl::Status CheckLengths(const GatherQueries& queries) {
 }
 
 absl::Status CheckQuantizable(const GatherQueries& queries) {
-  for (std::size_t i = 0; i < queries.positions.size(); ++i) {
-    if (!(std::fabs(queries.positions[i]) <= kMaxCoordinate)) {  // also catches NaN
-      return absl::InvalidArgumentError(
-          fmt::format("positions[{}] of query {} is {}, to be quantised it must be finite and "
-                      "within {:g}",
-                      i, i / 3, queries.positions[i], kMaxCoordinate));
-    }
+  if (const std::size_t i = FirstBeyond(queries.positions, kMaxCoordinate);
+      i < queries.positions.size()) {
+    return absl::InvalidArgumentError(
+        fmt::format("positions[{}] of query {} is {}, to be quantised it must be finite and "
+                    "within {:g}",
+                    i, i / 3, queries.positions[i], kMaxCoordinate));
   }
   for (std::size_t i = 0; i < queries.normals.size(); i += 3) {
     const float* const n = &queries.normals[i];
@@ -139,9 +131,9 @@ v1::QuantizedQueries ToWire(const GatherQueries& queries) {
     normals.insert(normals.end(), encoded.begin(), encoded.end());
   }
   v1::QuantizedQueries wire;
-  wire.set_box(Bytes(std::span<const float>(box)));
-  wire.set_positions(Bytes(std::span<const std::uint16_t>(positions.offsets)));
-  wire.set_normals(Bytes(std::span<const std::int16_t>(normals)));
+  wire.set_box(WireBytes(std::span<const float>(box)));
+  wire.set_positions(WireBytes(std::span<const std::uint16_t>(positions.offsets)));
+  wire.set_normals(WireBytes(std::span<const std::int16_t>(normals)));
   return wire;
 }
 
@@ -179,13 +171,13 @@ v1::GatherRequest MakeGatherRequest(const MapRef& map, std::uint64_t batch_id,
   if (wire.quantize_queries) {
     *request.mutable_quantized() = ToWire(queries);
   } else {
-    request.set_positions(Bytes(queries.positions));
-    request.set_normals(Bytes(queries.normals));
+    request.set_positions(WireBytes(queries.positions));
+    request.set_normals(WireBytes(queries.normals));
   }
   if (wire.answer_floats != v1::FLOAT_FORMAT_FLOAT32) request.set_answer_floats(wire.answer_floats);
   request.set_k(options.k);
   if (queries.radii.empty()) request.set_radius(options.radius);
-  request.set_radii(Bytes(queries.radii));
+  request.set_radii(WireBytes(queries.radii));
   request.set_outputs(options.outputs);
   request.set_kernel(ToWire(options.kernel));
   if (options.approximation != Approximation{}) {

@@ -61,13 +61,10 @@ absl::Status CheckNormals(const Gatherer& map, const GatherQueries& queries) {
     return absl::InvalidArgumentError(
         "normals: the map has no directions; build it with directions or leave them out");
   }
-  for (std::size_t i = 0; i < queries.normals.size(); ++i) {
-    if (!std::isfinite(queries.normals[i])) {
-      return absl::InvalidArgumentError(fmt::format(
-          "normals[{}] of query {} is {}, it must be finite", i, i / 3, queries.normals[i]));
-    }
-  }
-  return absl::OkStatus();
+  const std::size_t i = FirstBeyond(queries.normals, std::numeric_limits<float>::max());
+  if (i == queries.normals.size()) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format("normals[{}] of query {} is {}, it must be finite",
+                                                i, i / 3, queries.normals[i]));
 }
 
 /// Photons that one may stand for.

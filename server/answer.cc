@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/model/half.h"
+#include "core/model/wire_array.h"
 #include "fmt/format.h"
-#include "server/wire_array.h"
 
 namespace treelight::server {
 namespace {
@@ -39,7 +39,8 @@ template <typename T>
 std::string Slice(const std::vector<T>& array, std::size_t per_query, std::size_t first,
                   std::size_t last) {
   if (array.empty()) return {};
-  return ToWire(std::span<const T>(array).subspan(first * per_query, (last - first) * per_query));
+  return WireBytes(
+      std::span<const T>(array).subspan(first * per_query, (last - first) * per_query));
 }
 
 /// The queries [first, last) of an array of `per_query` numbers each, as `floats` says; the scale
@@ -55,7 +56,7 @@ std::string SliceOfFloats(const std::vector<float>& array, std::size_t per_query
   report.set_relative_error(kHalfError);
   report.set_small_count(report.small_count() + static_cast<std::uint32_t>(halves.small_count));
   response.set_approximate(true);
-  return ToWire(std::span<const std::uint16_t>(halves.numbers));
+  return WireBytes(std::span<const std::uint16_t>(halves.numbers));
 }
 
 /// What a part that may be gathered from fewer photons tells of its errors.
@@ -164,7 +165,7 @@ void WritePart(const GatherResult& result, const GatherOptions& options, v1::Flo
   std::vector<std::uint64_t> offsets(result.neighbor_offsets.begin() + first,
                                      result.neighbor_offsets.begin() + last + 1);
   for (std::uint64_t& offset : offsets) offset -= begin;  // they restart at 0 in each part
-  response.set_neighbor_offsets(ToWire(std::span<const std::uint64_t>(offsets)));
+  response.set_neighbor_offsets(WireBytes(std::span<const std::uint64_t>(offsets)));
 }
 
 }  // namespace treelight::server

@@ -1,16 +1,16 @@
 #include "server/gather_batch.h"
 
-#include <cmath>
 #include <limits>
 #include <span>
 #include <string>
 #include <string_view>
 
+#include "core/model/first_beyond.h"
 #include "core/model/octahedral.h"
 #include "core/model/photons.h"
 #include "core/model/quantize.h"
+#include "core/model/wire_array.h"
 #include "fmt/format.h"
-#include "server/wire_array.h"
 
 namespace treelight::server {
 namespace {
@@ -85,12 +85,10 @@ absl::StatusOr<Box> ParseBox(const std::string& bytes) {
   }
   std::vector<float> corners;
   AppendFromWire(bytes, corners);
-  for (std::size_t i = 0; i < kNumbers; ++i) {
-    if (!(std::fabs(corners[i]) <= kMaxCoordinate)) {  // also catches NaN
-      return absl::InvalidArgumentError(
-          fmt::format("quantized.box[{}] is {}, it must be finite and within {:g}", i, corners[i],
-                      kMaxCoordinate));
-    }
+  if (const std::size_t i = FirstBeyond(corners, kMaxCoordinate); i < kNumbers) {
+    return absl::InvalidArgumentError(
+        fmt::format("quantized.box[{}] is {}, it must be finite and within {:g}", i, corners[i],
+                    kMaxCoordinate));
   }
   for (std::size_t axis = 0; axis < 3; ++axis) {
     if (corners[axis] > corners[axis + 3]) {

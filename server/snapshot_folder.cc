@@ -9,15 +9,14 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstdlib>
 #include <cstring>
-#include <thread>
 #include <utility>
 
 #include "fmt/format.h"
 #include "server/break_switch.h"
 #include "server/file_handle.h"
+#include "server/naming_lock.h"
 #include "server/refusal.h"
 
 namespace treelight::server {
@@ -175,29 +174,6 @@ absl::StatusOr<std::vector<std::string>> ListNames(int folder, std::string_view 
   std::ranges::sort(names);
   return names;
 }
-
-/// Keeps other servers from giving names to files, while it lives.
-class NamingLock {
- public:
-  explicit NamingLock(int folder)
-      : folder_(openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {}
-
-  /// UNAVAILABLE: another has it for longer than a disk should take. OK without it, where the file
-  /// system locks no folders.
-  absl::Status Take() const {
-    constexpr std::chrono::milliseconds kPause{5};
-    constexpr int kTries = 2000;
-    for (int i = 0; i < kTries; ++i) {
-      if (flock(folder_.get(), LOCK_EX | LOCK_NB) == 0) return absl::OkStatus();
-      if (errno != EWOULDBLOCK && errno != EINTR) return absl::OkStatus();
-      std::this_thread::sleep_for(kPause);
-    }
-    return absl::UnavailableError("another server has locked the data folder for 10 s");
-  }
-
- private:
-  const FileHandle folder_;
-};
 
 /// Makes the entry of the new folder `path` last through a loss of power; returns an errno, or 0.
 int SyncParent(const std::string& path) {

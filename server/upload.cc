@@ -8,9 +8,9 @@
 
 #include "core/huge_pages.h"
 #include "core/model/first_beyond.h"
+#include "core/model/wire_array.h"
 #include "fmt/format.h"
 #include "server/break_switch.h"
-#include "server/wire_array.h"
 
 namespace treelight::server {
 namespace {

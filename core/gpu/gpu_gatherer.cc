@@ -173,12 +173,13 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   GatherResult result;
   GatherParams params = MakeParams(queries, options);
   StageTimer timer(gpu.queue());
-  QueryOrder order(gpu);
+  std::optional<QueryOrder> order;
+  if (params.has_order != 0) order.emplace(gpu);
   BatchBuffers batch = UploadBatch(gpu, queries, options);
   timer.Mark("upload");
 
-  batch.order = params.has_order != 0 ? order.Find(batch.positions, m, map_.grid)
-                                      : Buffer<cl_uint>(gpu.memory(), 0);
+  batch.order =
+      order ? order->Find(batch.positions, m, map_.grid) : Buffer<cl_uint>(gpu.memory(), 0);
   if (UsesWideTree(options)) {
     GatherWide(batch, params, m, cancelled);
   } else if (options.k > 0) {

@@ -1,8 +1,7 @@
-#ifndef TREELIGHT_SERVER_WIRE_ARRAY_H_
-#define TREELIGHT_SERVER_WIRE_ARRAY_H_
+#ifndef TREELIGHT_CORE_MODEL_WIRE_ARRAY_H_
+#define TREELIGHT_CORE_MODEL_WIRE_ARRAY_H_
 
 #include <bit>
-#include <cstring>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -10,7 +9,7 @@
 
 // Arrays on the wire are `bytes` of little-endian numbers (photon_map.proto), as this machine keeps
 // them.
-namespace treelight::server {
+namespace treelight {
 
 static_assert(std::endian::native == std::endian::little);
 
@@ -26,11 +25,11 @@ void AppendFromWire(const std::string& bytes, std::vector<T>& array) {
 
 /// The `bytes` field of `array`.
 template <typename T>
-std::string ToWire(std::span<const T> array) {
+std::string WireBytes(std::span<const T> array) {
   static_assert(std::is_arithmetic_v<T>);
-  return std::string(reinterpret_cast<const char*>(array.data()), array.size_bytes());
+  return {reinterpret_cast<const char*>(array.data()), array.size_bytes()};
 }
 
-}  // namespace treelight::server
+}  // namespace treelight
 
-#endif  // TREELIGHT_SERVER_WIRE_ARRAY_H_
+#endif  // TREELIGHT_CORE_MODEL_WIRE_ARRAY_H_
