@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <utility>
+#include <vector>
 
 #include "fmt/format.h"
 #include "server/break_switch.h"
@@ -93,7 +94,7 @@ struct FloodGuard::Connection {
   std::atomic<std::size_t> calls = 0;  // that are open
   std::atomic<bool> moved = false;     // since the last look: a call or a message came
   std::atomic<bool> cut = false;
-  // Bytes that came until its last message, and since; guarded by FloodGuard's mutex.
+  // Bytes that came until its last message, and since; of FloodGuard's thread.
   std::uint64_t explained = 0, odd = 0;
 };
 
@@ -145,6 +146,7 @@ void FloodGuard::Cut(Connection& connection, std::string_view why) {
 }
 
 void FloodGuard::Serve() {
+  std::vector<std::shared_ptr<Connection>> connections;
   std::unique_lock lock(mutex_);
   while (!end_) {
     if (connections_.empty() && !trim_) {
@@ -152,15 +154,26 @@ void FloodGuard::Serve() {
     } else {
       change_.wait_for(lock, kBetweenLooks, [this] { return end_; });
     }
-    Look();
+    connections.clear();
+    for (const auto& [address, connection] : connections_) connections.push_back(connection);
+    // Two system calls for each of thousands: no call waits for that.
+    lock.unlock();
+    const auto closed = std::ranges::partition(
+        connections, [](const auto& connection) { return connection->socket.IsOpen(); });
+    Look({connections.begin(), closed.begin()});
+    lock.lock();
+    for (const auto& connection : closed) {
+      const auto known = connections_.find(connection->address);
+      // The next one from that address may be there already.
+      if (known != connections_.end() && known->second == connection) connections_.erase(known);
+    }
   }
 }
 
-/// Looks at what connections have sent, and what that has cost. Needs the mutex.
-void FloodGuard::Look() {
+/// Looks at what `connections` have sent, and what that has cost.
+void FloodGuard::Look(std::span<const std::shared_ptr<Connection>> connections) {
   std::uint64_t sum = 0;
-  std::erase_if(connections_, [](const auto& known) { return !known.second->socket.IsOpen(); });
-  for (const auto& [address, connection] : connections_) {
+  for (const auto& connection : connections) {
     const std::uint64_t received = ReceivedBytes(connection->socket.handle);
     // What came before a message is no header without an end, nor a call that was reset.
     if (connection->moved.exchange(false)) connection->explained = received;
@@ -170,7 +183,7 @@ void FloodGuard::Look() {
   const auto memory =
       static_cast<std::int64_t>(ResidentBytes()) - static_cast<std::int64_t>(accounted_());
   if (sum >= kFewBytes) {
-    if (memory - calm_bytes_ > static_cast<std::int64_t>(limits_.bytes)) CutFloods();
+    if (memory - calm_bytes_ > static_cast<std::int64_t>(limits_.bytes)) CutFloods(connections);
     return;
   }
   // What is counted may be taken later: the most that there was, and not what a flood has left.
@@ -180,13 +193,13 @@ void FloodGuard::Look() {
 }
 
 /// Cuts those that have sent at least half as much as the one that has sent the most: the others
-/// may be clients who wait to be read. Needs the mutex.
-void FloodGuard::CutFloods() {
+/// may be clients who wait to be read.
+void FloodGuard::CutFloods(std::span<const std::shared_ptr<Connection>> connections) {
   std::uint64_t most = 0;
-  for (const auto& [address, connection] : connections_) {
+  for (const auto& connection : connections) {
     if (!connection->cut) most = std::max(most, connection->odd);
   }
-  for (const auto& [address, connection] : connections_) {
+  for (const auto& connection : connections) {
     if (connection->odd < most / 2 || connection->odd == 0) continue;
     Cut(*connection,
         fmt::format(

@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -70,8 +71,8 @@ class FloodGuard {
   std::shared_ptr<Connection> Find(std::string_view peer);
   void Cut(Connection& connection, std::string_view why);
   void Serve();
-  void Look();
-  void CutFloods();
+  void Look(std::span<const std::shared_ptr<Connection>> connections);
+  void CutFloods(std::span<const std::shared_ptr<Connection>> connections);
 
   const Limits limits_;
   const std::function<std::uint64_t()> accounted_;
@@ -82,7 +83,7 @@ class FloodGuard {
   std::mutex mutex_;
   // By address and port; guarded by mutex_. Closed ones too, until the next look.
   std::unordered_map<std::string, std::shared_ptr<Connection>> connections_;
-  std::int64_t calm_bytes_ = 0;     // guarded by mutex_; most memory not accounted for, in calm
+  std::int64_t calm_bytes_ = 0;     // of thread_: most memory not accounted for, in calm
   bool end_ = false;                // guarded by mutex_
   std::condition_variable change_;  // with mutex_: the first connection, or the end
   std::thread thread_;              // last: uses the rest
