@@ -16,9 +16,10 @@ absl::StatusOr<std::unique_ptr<MetricsEndpoint>> MetricsEndpoint::Start(const st
   const std::string address =
       listen.starts_with("localhost:") ? "127.0.0.1" + listen.substr(listen.find(':')) : listen;
   try {
-    // A request that comes half holds a thread until it is too late.
+    // A request that comes half holds a thread for that time: a scrape behind hundreds of them
+    // waits for seconds. Each thread takes some KiB.
     endpoint->exposer_ = std::make_unique<prometheus::Exposer>(std::vector<std::string>{
-        "listening_ports", address, "num_threads", "4", "request_timeout_ms", "2000"});
+        "listening_ports", address, "num_threads", "64", "request_timeout_ms", "1000"});
   } catch (const std::exception&) {  // says nothing of the cause
     return absl::UnavailableError(
         fmt::format("cannot listen on '{}' (--metrics-listen): the address is taken, not this "
