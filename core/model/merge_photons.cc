@@ -7,21 +7,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/model/facing_balance.h"
+
 namespace treelight {
 namespace {
-
-/// The place of a direction along a curve over the sphere that passes those of one octant, and of
-/// a part of it, one after the other: the Morton code of its octahedral coordinates.
-std::uint32_t CurvePlace(const std::int16_t* direction) {
-  const auto spread = [](std::int16_t coordinate) {
-    auto bits = static_cast<std::uint32_t>(coordinate + 32768);
-    bits = (bits | bits << 8) & 0x00ff00ffu;
-    bits = (bits | bits << 4) & 0x0f0f0f0fu;
-    bits = (bits | bits << 2) & 0x33333333u;
-    return (bits | bits << 1) & 0x55555555u;
-  };
-  return spread(direction[0]) << 1 | spread(direction[1]);
-}
 
 class Merger {
  public:
@@ -96,7 +85,7 @@ class Merger {
     return double{std::fabs(power[0])} + std::fabs(power[1]) + std::fabs(power[2]);
   }
 
-  void Merge(std::span<LeafPhoton> group) {
+  void Merge(std::span<const LeafPhoton> group) {
     double total = 0, powers[3] = {}, sums[3] = {}, plain[3] = {};
     for (const LeafPhoton& photon : group) {
       const double weight = WeightOf(photon);
@@ -117,36 +106,29 @@ class Merger {
       merged_.powers.push_back(static_cast<float>(powers[axis]));
     }
     if (photons_.directions.empty()) return;
-    const std::uint32_t drawn = Draw(group, total);
+    const std::uint32_t chosen = Represent(group);
     for (std::size_t i = 0; i < 2; ++i) {
-      merged_.directions.push_back(photons_.directions[2 * std::size_t{drawn} + i]);
+      merged_.directions.push_back(photons_.directions[2 * std::size_t{chosen} + i]);
     }
   }
 
-  /// The index of a photon of the group, drawn with its weight along the curve, by a golden-ratio
-  /// sequence over the groups: of neighbouring groups together, each part of the sphere gets nearly
-  /// its share.
-  std::uint32_t Draw(std::span<LeafPhoton> group, double total) {
-    const auto place = [this](const LeafPhoton& photon) {
-      return std::pair(CurvePlace(&photons_.directions[2 * std::size_t{photon.id}]), photon.id);
-    };
-    std::ranges::sort(group, {}, place);
-    constexpr double kGoldenRatio = 0.6180339887498949;
-    draw_ += kGoldenRatio;
-    draw_ -= std::floor(draw_);
-    double left = draw_ * total;
+  /// The photon of the group whose direction all of it gets.
+  std::uint32_t Represent(std::span<const LeafPhoton> group) {
+    members_.clear();
     for (const LeafPhoton& photon : group) {
-      left -= WeightOf(photon);
-      if (left < 0) return photon.id;
+      const std::int16_t* const direction = &photons_.directions[2 * std::size_t{photon.id}];
+      members_.push_back(
+          {.id = photon.id, .weight = WeightOf(photon), .faces = balance_.FacesOf(direction)});
     }
-    return group.back().id;
+    return balance_.Choose(members_);
   }
 
   const Tree& tree_;
   const Photons& photons_;
   const std::uint32_t group_size_;
   std::vector<LeafPhoton> group_;
-  double draw_ = 0;  // [0, 1)
+  std::vector<GroupMember> members_;
+  FacingBalance balance_;
   Photons merged_;
 };
 

@@ -14,9 +14,10 @@ namespace treelight {
 /// of the tree, so that they do not reach across its gaps.
 ///
 /// A merged photon has the sum of the powers and lies at their centroid, weighted by the sum of the
-/// magnitudes of the channels. Its direction is that of one of the group, drawn with these weights,
-/// so that what a normal leaves out is right in expectation. A group of one photon stays what it
-/// is. The same tree and photons give the same, bit by bit.
+/// magnitudes of the channels. Its direction is that of one of the group, chosen with these weights
+/// so that what normals leave out is nearly right over neighbouring groups together
+/// (facing_balance.h). A group of one photon stays what it is. The same tree and photons give the
+/// same, bit by bit.
 /// @param photons     what the tree was built over, with powers; their positions are not read
 /// @param group_size  [1, 2^16]
 Photons MergePhotons(const Tree& tree, const Photons& photons, std::uint32_t group_size);
