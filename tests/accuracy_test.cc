@@ -10,6 +10,7 @@
 
 #include "client/accuracy/truth.h"
 #include "client/scenes/load_scene.h"
+#include "core/model/octahedral.h"
 #include "tests/server_fixture.h"
 
 namespace treelight::client {
@@ -25,18 +26,32 @@ Photons OnALine() {
 TEST(TruthTest, AWorkedExample) {
   const std::vector<float> queries = {0, 0, 0};
   // Of the two nearest at 1 and 2 the second weighs nothing: 3 channels * 2 (1 - 1/4) / (4 pi).
-  const auto nearest = ComputeTruth(OnALine(), queries, 2, INFINITY);
+  const auto nearest = ComputeTruth(OnALine(), {.positions = queries}, 2, INFINITY);
   ASSERT_EQ(nearest.size(), 1u);
   EXPECT_DOUBLE_EQ(nearest[0].distance, 2);
   EXPECT_DOUBLE_EQ(nearest[0].density, 3 * 2 * 0.75 / (4 * M_PI));
   // Within 4: weights of 15, 12 and 7 sixteenths, twice.
-  const auto within = ComputeTruth(OnALine(), queries, 0, 4);
+  const auto within = ComputeTruth(OnALine(), {.positions = queries}, 0, 4);
   EXPECT_DOUBLE_EQ(within[0].density, 3 * 2 * (34.0 / 16) / (16 * M_PI));
+}
+
+TEST(TruthTest, NormalsLeaveOutWhatComesFromBehind) {
+  Photons photons = OnALine();
+  for (const float z : {-1.0f, 1.0f, -1.0f}) {
+    const auto direction = EncodeOctahedral({0, 0, z});
+    photons.directions.insert(photons.directions.end(), direction.begin(), direction.end());
+  }
+  const std::vector<float> positions = {0, 0, 0}, normals = {0, 0, 1};
+  // Within 4, of weights of 15, 12 and 7 sixteenths, twice, without the second; radii are of all.
+  const auto truth = ComputeTruth(photons, {.positions = positions, .normals = normals}, 0, 4);
+  EXPECT_DOUBLE_EQ(truth[0].density, 3 * 2 * (22.0 / 16) / (16 * M_PI));
+  const auto nearest = ComputeTruth(photons, {.positions = positions, .normals = normals}, 2, 9);
+  EXPECT_DOUBLE_EQ(nearest[0].distance, 2);
 }
 
 TEST(TruthTest, AnAnswerThatIsWrongIsToldSo) {
   const std::vector<float> queries = {0, 0, 0};
-  const auto truth = ComputeTruth(OnALine(), queries, 2, INFINITY);
+  const auto truth = ComputeTruth(OnALine(), {.positions = queries}, 2, INFINITY);
   const auto third = static_cast<float>(truth[0].density / 3);
   GatherResult answer;
   answer.radii = {2};
@@ -135,6 +150,42 @@ TEST_F(AccuracyTest, ExactRowsAreRightAndOthersErrMoreTheMoreIsGivenUp) {
     }
   }
   EXPECT_GT(last, 0);
+}
+
+TEST_F(AccuracyTest, ExactRowsAreRightWithNormalsToo) {
+  Start(MakeCpuBuilder());
+  PhotonMapClient client(server_->InProcessChannel());
+  auto scene = LoadScene("cornell");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  const AccuracyPlan plan{.photons = 5'000,
+                          .caustic_photons = 0,
+                          .queries = 300,
+                          .normals = true,
+                          .checked = 100,
+                          .runs = 1,
+                          .ks = {50},
+                          .errors = {0.2},
+                          .batches = 2,
+                          .picture_size = 0};
+  std::vector<Knob> exact;
+  const auto status =
+      MeasureAccuracy(client, std::move(scene->scene), plan, [&](const AccuracyRow& row) {
+        SCOPED_TRACE(AccuracyCsvLine(row));
+        EXPECT_TRUE(row.normals);
+        EXPECT_NE(row.setting.knob, Knob::kWeightTolerance);
+        if (row.setting.knob == Knob::kNone || row.setting.knob == Knob::kRadius) {
+          exact.push_back(row.setting.knob);
+          EXPECT_LT(row.error.density, 1e-5);
+          EXPECT_NEAR(row.speed.request_bytes, 24, 0.5);
+        }
+        if (row.setting.knob == Knob::kMergedWithin && row.setting.value == 2) {
+          EXPECT_GT(row.error.density, 0);
+          EXPECT_LT(row.error.density, 0.2);
+        }
+        return absl::OkStatus();
+      });
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_EQ(exact, (std::vector<Knob>{Knob::kNone, Knob::kRadius}));
 }
 
 TEST(AccuracyRowTest, ALineHasAsManyCellsAsTheHeader) {

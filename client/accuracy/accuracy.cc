@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "client/accuracy/truth.h"
+#include "client/render/camera_pass.h"
 #include "client/render/gather_radius.h"
 #include "client/render/map_upload.h"
 #include "client/render/path_tracer.h"
@@ -25,6 +26,22 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::hours kTimeToLive{1};
 constexpr float kUnlimited = std::numeric_limits<float>::infinity();
+
+/// Where gathers are asked for.
+struct Points {
+  std::vector<float> positions, normals;  ///< [3m] each, or no normals
+  GatherQueries view() const { return {.positions = positions, .normals = normals, .radii = {}}; }
+};
+
+/// What the camera sees, by one sample of each of 512 x 512 pixels.
+GatherPoints VisiblePoints(const Intersector& scene, std::uint64_t seed) {
+  constexpr int kSize = 512;
+  const CameraRays camera(scene.scene().camera, kSize, kSize);
+  const SampleOrder order(kSize, kSize, /*samples_per_pixel=*/1);
+  return TraceCameraBatch(scene, Lights(scene.scene()), camera, order, 0, order.size(),
+                          {.samples_per_pixel = 1, .light_strata = 1, .seed = seed})
+      .diffuse_hits;
+}
 
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -55,6 +72,7 @@ class SceneMeasurement {
     if (auto status = Prepare(); !status.ok()) return status;
     for (const Setting& setting : SettingGrid(plan_.ks, plan_.errors)) {
       if (setting.k > photons_.indirect.size()) continue;
+      if (plan_.normals && setting.knob == Knob::kWeightTolerance) continue;  // goes without only
       auto row = Measure(setting);
       if (!row.ok()) return row.status();
       if (auto status = listener_(*row); !status.ok()) return status;
@@ -69,7 +87,11 @@ class SceneMeasurement {
                                         .seed = plan_.seed});
     if (!traced.ok()) return traced.status();
     photons_ = *std::move(traced);
-    queries_ = SamplePositions(photons_.indirect.positions, plan_.queries, plan_.seed);
+    if (plan_.normals) visible_ = VisiblePoints(scene_, plan_.seed);
+    if (plan_.normals && visible_.size() == 0) {
+      return absl::FailedPreconditionError("the camera sees nothing that light is gathered at");
+    }
+    queries_ = Sample(plan_.queries, plan_.seed);
     const auto built =
         client_.BuildPhotonMap(map_name_, photons_.indirect, {.time_to_live = kTimeToLive});
     if (!built.ok()) return built.status();
@@ -89,7 +111,14 @@ class SceneMeasurement {
     return absl::OkStatus();
   }
 
-  /// The radius that holds k photons around half of the queries.
+  /// The same queries for the same seed.
+  Points Sample(std::uint32_t count, std::uint64_t seed) const {
+    if (!plan_.normals) return {SamplePositions(photons_.indirect.positions, count, seed), {}};
+    return {SamplePositions(visible_.positions, count, seed),
+            SamplePositions(visible_.normals, count, seed)};
+  }
+
+  /// The radius that holds k photons around half of the photons.
   absl::StatusOr<float> RadiusOf(std::uint32_t k) {
     auto& radius = radii_[k];
     if (!radius) {
@@ -107,8 +136,9 @@ class SceneMeasurement {
                     .device = device_,
                     .setting = setting,
                     .radius = kUnlimited,
-                    .queries = static_cast<std::uint32_t>(queries_.size() / 3),
-                    .checked = std::min(plan_.checked, plan_.queries)};
+                    .queries = plan_.queries,
+                    .checked = std::min(plan_.checked, plan_.queries),
+                    .normals = plan_.normals};
     GatherOptions options = OptionsOf(setting);
     if (IsWithinRadius(setting.knob)) {
       const auto radius = RadiusOf(setting.k);
@@ -125,7 +155,7 @@ class SceneMeasurement {
     if (!error.ok()) return error.status();
     row.error = *error;
     const bool has_picture = setting.knob == Knob::kNone || setting.knob == Knob::kEpsilon ||
-                             setting.knob == Knob::kMaxLeaves;
+                             setting.knob == Knob::kMaxLeaves || setting.knob == Knob::kError;
     if (!has_picture || !pictures_) return row;
     const auto picture = Render(options);
     if (!picture.ok()) return picture.status();
@@ -137,10 +167,10 @@ class SceneMeasurement {
                                    ChosenMerge& merge) {
     AnswerSpeed speed;
     std::vector<double> kernel, whole;
-    const double count = static_cast<double>(queries_.size()) / 3;
+    const double count = plan_.queries;
     for (std::uint32_t run = 0; run <= plan_.runs; ++run) {
       const auto begin = Clock::now();
-      const auto answer = client_.Gather(map_, {.positions = queries_}, options, wire);
+      const auto answer = client_.Gather(map_, queries_.view(), options, wire);
       const std::chrono::duration<double, std::nano> took = Clock::now() - begin;
       if (!answer.ok()) return answer.status();
       const v1::MergeReport& report = answer->merge_report;
@@ -162,11 +192,10 @@ class SceneMeasurement {
     GatherOptions exactly = options;
     exactly.approximation = {};
     for (std::uint32_t batch = 1; batch <= plan_.batches; ++batch) {
-      const auto queries =
-          SamplePositions(photons_.indirect.positions, plan_.batch_queries, plan_.seed + batch);
-      const auto exact = client_.Gather(map_, {.positions = queries}, exactly);
+      const Points queries = Sample(plan_.batch_queries, plan_.seed + batch);
+      const auto exact = client_.Gather(map_, queries.view(), exactly);
       if (!exact.ok()) return exact.status();
-      const auto answer = client_.Gather(map_, {.positions = queries}, options);
+      const auto answer = client_.Gather(map_, queries.view(), options);
       if (!answer.ok()) return answer.status();
       const double error = DensityError(answer->result, exact->result);
       ++merge.batches;
@@ -176,8 +205,10 @@ class SceneMeasurement {
   }
 
   absl::StatusOr<AnswerError> Judge(const Setting& setting, GatherOptions options) {
-    const auto checked =
-        std::span(queries_).first(3 * std::min<std::size_t>(plan_.checked, queries_.size() / 3));
+    const std::size_t numbers = 3 * std::size_t{std::min(plan_.checked, plan_.queries)};
+    GatherQueries checked = queries_.view();
+    checked.positions = checked.positions.first(numbers);
+    if (plan_.normals) checked.normals = checked.normals.first(numbers);
     const bool within = IsWithinRadius(setting.knob);
     auto& truth = truths_[{within, setting.k}];
     if (truth.empty()) {
@@ -189,10 +220,9 @@ class SceneMeasurement {
     if (options.approximation.any()) options.outputs |= kOutputErrorBound;
     // A choice is that of the whole batch.
     const auto answer =
-        client_.Gather(map_, {.positions = merges ? std::span<const float>(queries_) : checked},
-                       options, WireOf(setting));
+        client_.Gather(map_, merges ? queries_.view() : checked, options, WireOf(setting));
     if (!answer.ok()) return answer.status();
-    return CompareAnswers(photons_.indirect, queries_, answer->result, truth, options.k);
+    return CompareAnswers(photons_.indirect, queries_.positions, answer->result, truth, options.k);
   }
 
   absl::StatusOr<PictureError> Render(const GatherOptions& gather) {
@@ -226,7 +256,8 @@ class SceneMeasurement {
   const std::string map_name_;
   std::string device_;
   TracedPhotons photons_;
-  std::vector<float> queries_;  // [3m]
+  GatherPoints visible_;  // none without normals
+  Points queries_;
   MapRef map_;
   std::map<std::uint32_t, std::optional<float>> radii_;
   std::map<std::pair<bool, std::uint32_t>, std::vector<TrueAnswer>> truths_;

@@ -19,8 +19,11 @@ struct AccuracyPlan {
   std::uint64_t caustic_photons = 100'000;  ///< of the pictures, where something makes caustics
   std::uint64_t seed = 1;
   std::uint32_t queries = 50'000;  ///< of the batch that is timed, at random photons
-  std::uint32_t checked = 200;     ///< of them, whose answers are compared with the truth
-  std::uint32_t runs = 5;          ///< of each batch; the median counts
+  /// Queries are at random points that the camera sees instead, with their normals, as a renderer
+  /// asks for densities.
+  bool normals = false;
+  std::uint32_t checked = 200;  ///< of them, whose answers are compared with the truth
+  std::uint32_t runs = 5;       ///< of each batch; the median counts
   std::vector<std::uint32_t> ks = {50, 500};
   std::vector<double> errors = {0.01, 0.05, 0.2};  ///< that are asked for, [0, 1)
   std::uint32_t batches = 20;           ///< for each of them, whose errors are compared with it

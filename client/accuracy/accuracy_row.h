@@ -50,6 +50,7 @@ struct AccuracyRow {
   Setting setting{};
   float radius = 0;  ///< of the gathers, scene units; +inf: none
   std::uint32_t queries = 0, checked = 0;
+  bool normals = false;  ///< whether queries have them; see AccuracyPlan
   AnswerError error{};
   ChosenMerge merge{};
   AnswerSpeed speed{};

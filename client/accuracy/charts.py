@@ -97,8 +97,8 @@ def wire_bytes(row):
 
 def main():
     folder, paths = sys.argv[1], sys.argv[2:]
-    rows = [row | {"bytes": wire_bytes(row)} for path in paths
-            for row in read(path, "an accuracy run", NUMBERS, ("scene", "knob"))]
+    rows = [row | {"bytes": wire_bytes(row), "scene": row["scene"] + (" with normals" if row.get("normals") == "1" else "")}
+            for path in paths for row in read(path, "an accuracy run", NUMBERS, ("scene", "knob"))]
     draw(rows, folder, "density", "kernel_ns", "density_error",
          ("time of a gather on the device, ns", "density, relative RMS error"))
     draw([row for row in rows if row["knob"] in WIRE and row["bytes"] > 0], folder, "wire", "bytes", "density_error",

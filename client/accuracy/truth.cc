@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/model/octahedral.h"
 #include "tbb/parallel_for.h"
 
 namespace treelight::client {
@@ -30,7 +31,16 @@ std::vector<Photon> MeasureAll(const Photons& photons, const float* query) {
   return all;
 }
 
-TrueAnswer Answer(const Photons& photons, const float* query, std::uint32_t k, float radius) {
+/// Whether it comes against `normal`, which may be null, as every part of Treelight decides it.
+bool Faces(const Photons& photons, std::uint32_t photon, const float* normal) {
+  if (normal == nullptr) return true;
+  const std::int16_t* const direction = &photons.directions[2 * std::size_t{photon}];
+  const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
+  return d.x * normal[0] + d.y * normal[1] + d.z * normal[2] < 0;
+}
+
+TrueAnswer Answer(const Photons& photons, const float* query, const float* normal, std::uint32_t k,
+                  float radius) {
   std::vector<Photon> near = MeasureAll(photons, query);
   double squared_radius = Square(radius);
   if (k > 0 && k <= near.size()) {
@@ -43,7 +53,7 @@ TrueAnswer Answer(const Photons& photons, const float* query, std::uint32_t k, f
   }
   double sum = 0;
   for (const Photon& photon : near) {
-    if (photon.squared_distance > squared_radius) continue;
+    if (photon.squared_distance > squared_radius || !Faces(photons, photon.id, normal)) continue;
     const float* const power = &photons.powers[3 * std::size_t{photon.id}];
     sum += 2 * (1 - photon.squared_distance / squared_radius) *
            (double{power[0]} + power[1] + power[2]);
@@ -60,11 +70,13 @@ double SumOfChannels(const GatherResult& answer, std::size_t query) {
 
 }  // namespace
 
-std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const float> queries,
+std::vector<TrueAnswer> ComputeTruth(const Photons& photons, const GatherQueries& queries,
                                      std::uint32_t k, float radius) {
-  std::vector<TrueAnswer> truth(queries.size() / 3);
-  tbb::parallel_for(std::size_t{0}, truth.size(),
-                    [&](std::size_t i) { truth[i] = Answer(photons, &queries[3 * i], k, radius); });
+  std::vector<TrueAnswer> truth(queries.size());
+  tbb::parallel_for(std::size_t{0}, truth.size(), [&](std::size_t i) {
+    const float* const normal = queries.normals.empty() ? nullptr : &queries.normals[3 * i];
+    truth[i] = Answer(photons, &queries.positions[3 * i], normal, k, radius);
+  });
   return truth;
 }
 

@@ -18,9 +18,9 @@ struct TrueAnswer {
 };
 
 /// The k nearest photons of each query, or all within `radius` where k is 0, in float64, by TBB in
-/// the arena of the caller.
-/// @param queries  [3m]
-std::vector<TrueAnswer> ComputeTruth(const Photons& photons, std::span<const float> queries,
+/// the arena of the caller. Where queries have normals, densities are of the photons that come
+/// against them; their radii are not read.
+std::vector<TrueAnswer> ComputeTruth(const Photons& photons, const GatherQueries& queries,
                                      std::uint32_t k, float radius);
 
 /// Root mean square over queries of |density / exact density - 1|, of the sum of the channels; 0

@@ -70,6 +70,9 @@ void AddAccuracyCommand(CLI::App& app, GlobalOptions& global) {
   command->add_option("--queries", options->plan.queries, "Gathers of a batch that is timed")
       ->capture_default_str()
       ->check(CLI::Range(1u, 10'000'000u));
+  command->add_flag(
+      "--normals", options->plan.normals,
+      "Gathers are at points that the camera sees, with their normals, not at photons");
   command
       ->add_option("--checked", options->plan.checked,
                    "Of them, whose answers are compared with brute force in double")
