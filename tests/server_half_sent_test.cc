@@ -18,12 +18,12 @@ namespace {
 constexpr std::uint32_t kMessageBytes = 4'000'000;
 constexpr double kMiB = 1 << 20;
 
-/// Memory of a process, MiB.
-double ResidentMiB(const Process& process) {
+/// Memory of a process, MiB: "VmRSS:" now, "VmHWM:" the most so far.
+double ResidentMiB(const Process& process, const std::string& which = "VmRSS:") {
   std::ifstream status("/proc/" + std::to_string(process.pid()) + "/status");
   for (std::string word; status >> word;) {
     double kibibytes = 0;
-    if (word == "VmRSS:" && status >> kibibytes) return kibibytes / 1024;
+    if (word == which && status >> kibibytes) return kibibytes / 1024;
   }
   return 0;
 }
@@ -91,6 +91,33 @@ TEST_P(ServerHalfSentTest, CallsThatAreAdmittedStayWithinTheMemoryLimitAndOthers
     for (const auto& connection : flood) connection->Go(/*wait_ms=*/1);
   }
   EXPECT_LT(ResidentMiB(server) - before, kLimitMiB + kConnections * kCalls * kWindowMiB + 100);
+}
+
+TEST(CompressionTest, WhatIsPackedIsRefusedAndNotUnpacked) {
+  Process server({"--listen", "127.0.0.1:0", "--log-file", "/dev/null"});
+  const std::string address = server.WaitUntilReady();
+  ASSERT_FALSE(address.empty()) << server.err();
+  const auto channel = grpc::CreateChannel(address, grpc::InsecureChannelCredentials());
+  const double before = ResidentMiB(server, "VmHWM:");
+  const std::string zeros(200 << 20, '\0');  // 200 KiB on their way
+  for (const auto algorithm : {GRPC_COMPRESS_GZIP, GRPC_COMPRESS_DEFLATE}) {
+    grpc::ClientContext gather_context, health_context;
+    gather_context.set_compression_algorithm(algorithm);
+    health_context.set_compression_algorithm(algorithm);
+    v1::GatherRequest request;
+    request.set_positions(zeros);
+    v1::GatherResponse answer;
+    const auto gathered =
+        v1::PhotonMapService::NewStub(channel)->Gather(&gather_context, request, &answer);
+    EXPECT_EQ(gathered.error_code(), grpc::StatusCode::UNIMPLEMENTED) << gathered.error_message();
+    grpc::health::v1::HealthCheckRequest check;
+    check.set_service(zeros);
+    grpc::health::v1::HealthCheckResponse health;
+    const auto checked =
+        grpc::health::v1::Health::NewStub(channel)->Check(&health_context, check, &health);
+    EXPECT_EQ(checked.error_code(), grpc::StatusCode::UNIMPLEMENTED) << checked.error_message();
+  }
+  EXPECT_LT(ResidentMiB(server, "VmHWM:") - before, 100);
 }
 
 /// Health asks for no token, so that its calls are anybody's.

@@ -16,6 +16,7 @@ cancelled_in_queue      breakable_tests       DeviceQueueTest.AJobNobodyWaitsFor
 certificate_change      server_tls_test       ServerTlsTest.CertificatesThatChangeAreTakenUp
 checksum                treelight_faults
 client_ca               server_tls_test       ServerTlsTest.AClientCaAsksForCertificates
+compression             server_half_sent_test CompressionTest.WhatIsPackedIsRefusedAndNotUnpacked
 connections             server_connections_test ServerConnectionsTest.MoreConnectionsThanItHasFilesForDoNotEndIt
 damaged_file            treelight_faults
 dead_names              breakable_tests       MapStoreTest.NamesWithoutMapsAreForgottenAndNoVersionIsUsedTwiceStill
