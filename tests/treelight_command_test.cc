@@ -65,6 +65,9 @@ TEST_F(TreelightCommandTest, AWrongCommandLineIsOneLineAndExitCode2) {
   EXPECT_THAT(FailingRun("render --kernel gauss", 2), HasSubstr("gauss"));
   EXPECT_THAT(FailingRun("render --caustic-kernel gauss", 2), HasSubstr("gauss"));
   EXPECT_THAT(FailingRun("render --final-gather -1", 2), HasSubstr("--final-gather"));
+  EXPECT_THAT(FailingRun("render --max-relative-error 1", 2), HasSubstr("--max-relative-error"));
+  EXPECT_THAT(FailingRun("render --max-relative-error 0.1 --progressive", 2),
+              HasSubstr("excludes --progressive"));
   EXPECT_THAT(FailingRun("render --noise 0.1", 2), HasSubstr("--noise requires --reference"));
   EXPECT_THAT(FailingRun("render --reference --final-gather 4", 2),
               AllOf(HasSubstr("--final-gather"), HasSubstr("--reference")));

@@ -285,6 +285,26 @@ TEST_F(TreelightWithServerTest, ARenderIsNearItsReference) {
   EXPECT_LT(rmse, 0.2);  // 0.08 to 0.09: values above white at the rim of the lamp weigh most
 }
 
+TEST_F(TreelightWithServerTest, ARenderOfMergedPhotonsIsNearTheExactOne) {
+  const std::string options =
+      "render --width 64 --height 64 --spp 4 --photons 50000 --caustic-photons 0 --k 500 ";
+  const Outcome exact = Run(options + "--output exact.exr");
+  ASSERT_EQ(exact.exit_code, 0) << exact.err;
+  EXPECT_THAT(exact.out, Not(HasSubstr("merged photons")));
+  const Outcome merged =
+      Run(options + "--max-relative-error 0.1 --compare exact.exr --output merged.png");
+  ASSERT_EQ(merged.exit_code, 0) << merged.err;
+  EXPECT_THAT(merged.out,
+              ::testing::ContainsRegex(
+                  "from merged photons, error measured of them +[1-9][0-9]*, off by 0"));
+  const std::string mark = "relative MSE ";
+  const std::size_t line = merged.out.find(mark);
+  ASSERT_NE(line, merged.out.npos) << merged.out;
+  // All of the rest is the same, so that errors are at most those of the densities.
+  const double relative_mse = std::stod(merged.out.substr(line + mark.size()));
+  EXPECT_LT(relative_mse, 0.01);
+}
+
 // The same room with a painted wall and with a mirror: a map of caustics is made where something
 // focuses light, and nowhere else.
 TEST_F(TreelightWithServerTest, ACausticMapIsMadeOnlyWhereSomethingIsSpecular) {

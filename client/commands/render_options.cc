@@ -150,9 +150,9 @@ void AddProgressiveOptions(CLI::App& command, RenderChoice& choice) {
 
 /// A reference has no photon maps: their options beside it are errors, not passed over.
 void RefuseWithReference(CLI::App& command) {
-  for (const char* name :
-       {"--photons", "--caustic-photons", "--k", "--radius", "--kernel", "--caustic-k",
-        "--caustic-radius", "--caustic-kernel", "--final-gather", "--map-name", "--keep-map"}) {
+  for (const char* name : {"--photons", "--caustic-photons", "--k", "--radius", "--kernel",
+                           "--caustic-k", "--caustic-radius", "--caustic-kernel", "--final-gather",
+                           "--max-relative-error", "--map-name", "--keep-map"}) {
     command.get_option(name)->excludes("--reference");
   }
 }
@@ -188,6 +188,12 @@ void AddPhotonOptions(CLI::App& command, RenderChoice& choice) {
       ->capture_default_str()
       ->check(CLI::Range(0u, 4096u));
   command
+      .add_option("--max-relative-error", choice.max_relative_error,
+                  "Gather from merged photons where they keep densities within this error, root "
+                  "mean square of each message; 0: exactly")
+      ->capture_default_str()
+      ->check(NumberIn(0, 0.999));
+  command
       .add_option("--map-name", choice.map_name,
                   "The maps are NAME.indirect and NAME.caustic (default: the scene's name)")
       ->check(ServerName());
@@ -215,6 +221,8 @@ void CheckPasses(RenderChoice& choice) {
   constexpr char kNeeds[] = "requires --progressive or --photons auto";
   refuse(choice.progressive && choice.keep_maps, "--keep-map",
          "excludes --progressive and --photons auto");
+  refuse(choice.progressive && choice.max_relative_error > 0, "--max-relative-error",
+         "excludes --progressive and --photons auto, whose maps live for one pass");
   if (choice.progressive) return;
   refuse(choice.passes.has_value(), "--passes", kNeeds);
   refuse(choice.target_error > 0, "--target-error", kNeeds);
@@ -235,6 +243,9 @@ PhotonRenderOptions RenderChoice::photon_options(const GatherRadii& chosen) cons
   PhotonRenderOptions options = render;
   options.camera.samples_per_pixel = samples_per_pixel.value_or(options.camera.samples_per_pixel);
   options.camera.seed = seed;
+  for (EstimateOptions* const estimate : {&options.indirect, &options.caustic}) {
+    estimate->approximation.max_relative_error = max_relative_error;
+  }
   if (chosen.caustic) options.caustic.radius = *chosen.caustic;
   if (chosen.indirect) {
     options.indirect.radius = *chosen.indirect;

@@ -39,9 +39,10 @@ struct RenderChoice {
   bool auto_photons = false;  ///< progressive, in passes that a pilot plans
   bool gives_k = false;       ///< --k was given: the plan keeps it
   std::optional<std::uint32_t> samples_per_pixel;
-  PhotonRenderOptions render;  ///< samples, seed, radii and callbacks are set by others
-  GatherRadii radii;           ///< nothing: they follow the photons (RadiusOfNearest)
-  std::string map_name;        ///< empty: the scene's name
+  PhotonRenderOptions render;    ///< samples, seed, radii and callbacks are set by others
+  GatherRadii radii;             ///< nothing: they follow the photons (RadiusOfNearest)
+  float max_relative_error = 0;  ///< Approximation, of gathers from either map
+  std::string map_name;          ///< empty: the scene's name
   bool keep_maps = false;
 
   bool reference = false;         ///< path-trace instead

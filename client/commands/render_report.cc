@@ -63,6 +63,12 @@ Table MapTable(const TracedPhotons& photons, const UploadedMaps& maps, const Gat
       PerSecond(b.queries, 1e-6 * b.kernel_us));
   row("gathers/s of wall time (picture, both maps at once)", PerSecond(a.queries, render_s),
       PerSecond(b.queries, render_s));
+  if (a.merged + b.merged > 0) {
+    const auto merged = [](const GatherCost& cost) {
+      return fmt::format("{}, off by {:.2g}", cost.merged, cost.merged_error);
+    };
+    row("gathers: from merged photons, error measured of them", merged(a), merged(b));
+  }
   const auto sampled = [](const std::string& what) {
     return fmt::format("{} per gather (sample: 1 of {})", what, kSampleStride);
   };

@@ -84,6 +84,11 @@ absl::Status MapGather::Receive() {
   if (!answer.ok()) return answer.status();
   cost_.kernel_us += answer->timings.kernel_us();
   cost_.transfer_us += answer->timings.upload_us() + answer->timings.download_us();
+  if (answer->merge_report.merged_photons() > 0) {
+    cost_.merged += answer->errors.inexact_count;
+    cost_.merged_error =
+        std::max<double>(cost_.merged_error, answer->merge_report.measured_error());
+  }
   const std::vector<float>& densities = answer->result.densities;
   const Message& message = in_flight_.front();
   for (std::size_t i = 0; i < message.samples.size(); ++i) {

@@ -29,6 +29,8 @@ struct GatherCost {
   double kernel_us = 0;         ///< on the server's device
   double transfer_us = 0;       ///< to the device and back
   double wait_s = 0;            ///< that the caller waited for the server
+  std::uint64_t merged = 0;     ///< queries that were answered from merged photons
+  double merged_error = 0;      ///< that the server measured of them, of the worst message
   std::vector<float> sample{};  ///< [3n] positions of every kSampleStride-th query
 };
 
