@@ -1,14 +1,13 @@
 #include "server/folder_mirror.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
-#include "fmt/format.h"
 #include "server/break_switch.h"
 #include "server/guard.h"
 #include "server/persistence.h"
 #include "server/state.h"
+#include "server/tell.h"
 
 namespace treelight::server {
 namespace {
@@ -80,7 +79,7 @@ void FolderMirror::UpdateSince(Clock::time_point asked) {
   const auto status = Guard([this] { return Compare(); });
   if (!status.ok()) {
     if (!std::exchange(told_failure_, true)) {
-      fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+      Tell(std::string(status.message()));
     }
     return;
   }

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <string>
 #include <thread>
 #include <utility>
@@ -24,6 +25,7 @@
 #include "server/health_check.h"
 #include "server/server.h"
 #include "server/signal_watch.h"
+#include "server/tell.h"
 #include "server/tls.h"
 #include "server/tokens.h"
 #include "server/version.h"
@@ -33,7 +35,7 @@ namespace treelight::server {
 namespace {
 
 int Fail(const absl::Status& status, int code) {
-  fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+  Tell(std::string(status.message()));
   return code;
 }
 
@@ -107,8 +109,7 @@ void ServeUntilSignal(Server& server, SignalWatch& signals, const Flags& flags) 
   const std::size_t cut_off = server.Drain(std::chrono::system_clock::now() + flags.drain);
   signals.EndServing();
   if (cut_off > 0) {
-    fmt::print(stderr, "treelightd: {} calls were open after --drain-seconds and were cancelled\n",
-               cut_off);
+    Tell(fmt::format("{} calls were open after --drain-seconds and were cancelled", cut_off));
   }
 }
 
@@ -150,4 +151,11 @@ int Main(int argc, const char* const* argv) {
 }  // namespace
 }  // namespace treelight::server
 
-int main(int argc, char** argv) { return treelight::server::Main(argc, argv); }
+int main(int argc, char** argv) {
+  try {
+    return treelight::server::Main(argc, argv);
+  } catch (const std::exception& error) {  // stdout is full or closed
+    treelight::server::Tell(error.what());
+    return treelight::server::kExitFailure;
+  }
+}

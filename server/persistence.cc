@@ -1,7 +1,6 @@
 #include "server/persistence.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,12 +10,13 @@
 #include "server/break_switch.h"
 #include "server/convert.h"
 #include "server/residency.h"
+#include "server/tell.h"
 
 namespace treelight::server {
 namespace {
 
 void Tell(const SnapshotFolder& folder, std::string_view what) {
-  fmt::print(stderr, "treelightd: data folder '{}': {}\n", folder.path(), what);
+  server::Tell(fmt::format("data folder '{}': {}", folder.path(), what));
 }
 
 /// Renames the damaged `file`, and tells.
@@ -133,7 +133,7 @@ absl::Status LoadSnapshots(State& state) {
     state.disk.Submit([&state, expired] {
       for (const MapHandle& map : expired) {
         const auto status = state.snapshots->Remove(map->name, map->version, map->checksum);
-        if (!status.ok()) fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+        if (!status.ok()) server::Tell(std::string(status.message()));
       }
     });
   });

@@ -2,11 +2,10 @@
 #define TREELIGHT_SERVER_RARE_LINE_H_
 
 #include <chrono>
-#include <cstdio>
 #include <mutex>
 #include <string>
 
-#include "fmt/format.h"
+#include "server/tell.h"
 
 namespace treelight::server {
 
@@ -23,7 +22,7 @@ class RareLine {
       if (told_ != std::chrono::steady_clock::time_point() && now - told_ < kAgain) return;
       told_ = now;
     }
-    fmt::print(stderr, "treelightd: {}\n", text);
+    server::Tell(text);
   }
 
  private:

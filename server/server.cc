@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "fmt/format.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
 #include "grpcpp/impl/server_builder_option.h"
 #include "grpcpp/impl/server_builder_plugin.h"
@@ -23,6 +22,7 @@
 #include "server/metrics_endpoint.h"
 #include "server/persistence.h"
 #include "server/service.h"
+#include "server/tell.h"
 #include "server/tls.h"
 #include "server/tokens.h"
 #include "server/unix_socket.h"
@@ -80,7 +80,7 @@ class WithoutReflection final : public grpc::ServerBuilderOption {
 };
 
 void Tell(const absl::Status& status) {
-  if (!status.ok()) fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+  if (!status.ok()) server::Tell(std::string(status.message()));
 }
 
 /// Hands `connection` to gRPC, which closes it.
