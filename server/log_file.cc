@@ -40,6 +40,7 @@ absl::Status LogFile::Reopen() {
   {
     const std::lock_guard lock(mutex_);
     std::swap(old, handle_);
+    cut_ = false;
   }
   close(old);
   return absl::OkStatus();
@@ -47,13 +48,18 @@ absl::Status LogFile::Reopen() {
 
 void LogFile::sink_it_(const spdlog::details::log_msg& message) {
   spdlog::memory_buf_t line;
+  if (cut_) line.push_back('\n');  // what is there of the last line must not cost this one
   formatter_->format(message, line);
   for (std::size_t written = 0; written < line.size();) {
     const ssize_t count = write(handle_, line.data() + written, line.size() - written);
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) throw spdlog::spdlog_ex(fmt::format("log file '{}'", file_), errno);
+    if (count < 0) {
+      cut_ |= written > 0;
+      throw spdlog::spdlog_ex(fmt::format("log file '{}'", file_), errno);
+    }
     written += static_cast<std::size_t>(count);
   }
+  cut_ = false;
 }
 
 }  // namespace treelight::server

@@ -30,7 +30,8 @@ class LogFile final : public spdlog::sinks::base_sink<std::mutex> {
   LogFile(std::string file, int handle) : file_(std::move(file)), handle_(handle) {}
 
   const std::string file_;
-  int handle_;  // guarded by the base's mutex_
+  int handle_;        // guarded by the base's mutex_
+  bool cut_ = false;  // likewise; the file ends within a line, for want of room
 };
 
 }  // namespace treelight::server

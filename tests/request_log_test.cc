@@ -2,12 +2,16 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <thread>
@@ -104,6 +108,33 @@ TEST_F(LogPipe, TheEndWritesWhatIsLeft) {
   writer.join();
   Read();
   EXPECT_EQ(std::count(text_.begin(), text_.end(), '\n'), 500);
+}
+
+TEST(RequestLogTest, ALineThatIsCutForWantOfRoomCostsNoOther) {
+  constexpr std::uintmax_t kRoom = 40;
+  const std::string path = ::testing::TempDir() + "/log_cut_" + std::to_string(getpid());
+  auto log = RequestLog::Open(path);
+  ASSERT_TRUE(log.ok()) << log.status();
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit full{.rlim_cur = kRoom, .rlim_max = before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &full);
+  const FileHandle standard_error(dup(STDERR_FILENO));  // which has no room either
+  dup2(FileHandle(open("/dev/full", O_WRONLY | O_CLOEXEC)).get(), STDERR_FILENO);
+  (*log)->Write(Record(), absl::OkStatus());
+  const auto end = steady_clock::now() + std::chrono::seconds(20);
+  while (std::filesystem::file_size(path) < kRoom && steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  setrlimit(RLIMIT_FSIZE, &before);
+  (*log)->Write(Record(), absl::OkStatus());
+  log->reset();  // writes what is left
+  dup2(standard_error.get(), STDERR_FILENO);
+  std::ifstream lines(path);
+  std::string line, last;
+  while (std::getline(lines, line)) last = line;
+  EXPECT_TRUE(nlohmann::json::accept(last)) << last;
+  unlink(path.c_str());
 }
 
 }  // namespace
