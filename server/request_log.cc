@@ -9,6 +9,7 @@
 #include "fmt/format.h"
 #include "google/protobuf/util/json_util.h"
 #include "nlohmann/json.hpp"
+#include "server/convert.h"
 #include "server/rare_line.h"
 #include "spdlog/async.h"
 #include "spdlog/sinks/stdout_sinks.h"
@@ -43,6 +44,12 @@ nlohmann::ordered_json FormatMessage(const google::protobuf::Message& message) {
   return nlohmann::ordered_json::parse(text);
 }
 
+/// A name as it came, which may be all of a message: wrong ones of megabytes must not fill the
+/// disk.
+std::string Shortened(const std::string& name) {
+  return name.size() <= kMaxNameLength ? name : name.substr(0, kMaxNameLength) + "...";
+}
+
 template <typename T>
 void Set(nlohmann::ordered_json& json, const char* key, const std::optional<T>& value) {
   if (value) json[key] = *value;
@@ -58,7 +65,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   json["method"] = record.method;
   json["peer"] = record.peer;
   if (!record.client.empty()) json["client"] = record.client;
-  if (!record.map.empty()) json["map"] = record.map;
+  if (!record.map.empty()) json["map"] = Shortened(record.map);
   if (record.version != 0) json["version"] = record.version;
   Set(json, "photons", record.photons);
   Set(json, "source", record.source);

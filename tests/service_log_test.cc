@@ -51,6 +51,15 @@ TEST_F(ServiceLogTest, TheLogTellsWhatTheAnswerTells) {
   EXPECT_NEAR(log["total_us"].get<double>(), response.timings().total_us(), 0.06);
 }
 
+TEST_F(ServiceLogTest, AWrongNameOfAMessagesLengthIsCut) {
+  StartGated();
+  grpc::ClientContext context;
+  v1::GatherResponse response;
+  const std::string name(1'000'000, '\1');
+  EXPECT_FALSE(stub_->Gather(&context, MakeBatch(name, {0, 0, 0}, {.k = 1}), &response).ok());
+  EXPECT_EQ(LogOf("Gather")["map"], name.substr(0, 128) + "...");
+}
+
 TEST_F(ServiceLogTest, ABuildIsLoggedWithItsOptionsAndItsTree) {
   Start(MakeCpuBuilder());
   auto upload = MakeUpload("judged", MakePhotons(1000, 1));
