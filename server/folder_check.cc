@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <system_error>
 
 #include "fmt/format.h"
 #include "server/snapshot_folder.h"
@@ -10,8 +11,10 @@
 namespace treelight::server {
 
 absl::StatusOr<std::size_t> CheckFolder(const std::string& path) {
-  if (!std::filesystem::is_directory(path)) {
-    return absl::NotFoundError(fmt::format("data folder '{}': there is none", path));
+  if (std::error_code error; !std::filesystem::is_directory(path, error)) {
+    const bool none = !error || error == std::errc::no_such_file_or_directory;
+    return absl::NotFoundError(
+        fmt::format("data folder '{}': {}", path, none ? "there is none" : error.message()));
   }
   const auto folder = SnapshotFolder::Open(path);
   if (!folder.ok()) return folder.status();

@@ -246,6 +246,9 @@ TEST_F(ServerDataTest, FsckTellsWhatIsDamagedAndChangesNothing) {
               HasSubstr("1 maps, 1000 photons, " + bytes + " bytes; 0 damaged, 2 not"));
   Process unnamed({"fsck"});
   EXPECT_EQ(unnamed.Wait(), 2);
+  Process impossible({"fsck", "--data-dir", folder_ + "/" + std::string(300, 'x')});
+  EXPECT_EQ(impossible.Wait(), 1);
+  EXPECT_THAT(impossible.err(), HasSubstr("File name too long\n"));
 }
 
 /// What a loss of power may take away is what was not synced: the order of the system calls.
