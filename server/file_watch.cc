@@ -13,7 +13,7 @@ namespace treelight::server {
 namespace {
 
 /// What differs where a file does; zeros where there is none.
-using Signature = std::array<std::int64_t, 5>;
+using Signature = std::array<std::int64_t, 7>;
 
 std::vector<Signature> Look(const std::vector<std::string>& files) {
   std::vector<Signature> signatures;
@@ -22,8 +22,12 @@ std::vector<Signature> Look(const std::vector<std::string>& files) {
     Signature signature{};
     if (stat(file.c_str(), &status) == 0) {
       signature = {static_cast<std::int64_t>(status.st_dev),
-                   static_cast<std::int64_t>(status.st_ino), status.st_size, status.st_mtim.tv_sec,
-                   status.st_mtim.tv_nsec};
+                   static_cast<std::int64_t>(status.st_ino),
+                   status.st_size,
+                   status.st_mtim.tv_sec,
+                   status.st_mtim.tv_nsec,
+                   status.st_ctim.tv_sec,  // of permissions and owners too
+                   status.st_ctim.tv_nsec};
     }
     signatures.push_back(signature);
   }

@@ -9,9 +9,9 @@
 
 namespace treelight::server {
 
-/// Tells when files have changed, by looking at their size, time of change and place on disk again
-/// and again: that also sees files that are replaced through a link, as Kubernetes does with
-/// secrets.
+/// Tells when files or their permissions have changed, by looking at their size, times of change
+/// and place on disk again and again: that also sees files that are replaced through a link, as
+/// Kubernetes does with secrets.
 class FileWatch {
  public:
   /// Looks every `interval` and calls `changed` on a thread of its own after one of `files` has

@@ -74,16 +74,26 @@ TEST_F(ServerTokensTest, TokensAreTakenUpAndWithdrawnWhileItServes) {
   Process server(WithTokens({"--listen", "127.0.0.1:0"}));
   const std::string address = server.WaitUntilReady();
   AddToken("second");
-  EXPECT_TRUE(Eventually([&] { return Ask(address, {.token_file = File("second")}).ok(); }));
+  AddToken("third");
+  EXPECT_TRUE(Eventually([&] { return Ask(address, {.token_file = File("third")}).ok(); }));
   const auto old = PhotonMapClient::Connect(address, {.token_file = File("renderer")}, 20s);
   EXPECT_TRUE((*old)->GetServerInfo().ok());
 
   // Replaced by one without the first; also for a connection that is open.
-  Run("grep second tokens > new && mv new tokens");
+  Run("grep -v renderer tokens > new && mv new tokens");
   server.Signal(SIGHUP);
   EXPECT_TRUE(
       Eventually([&] { return absl::IsUnauthenticated((*old)->GetServerInfo().status()); }));
   EXPECT_TRUE(Ask(address, {.token_file = File("second")}).ok());
+
+  // One that everybody could have written waits for that to be mended.
+  Run("grep second tokens > new && chmod o+w new && mv new tokens");
+  EXPECT_TRUE(
+      Eventually([&] { return server.err().find("written by everybody") != std::string::npos; }));
+  EXPECT_TRUE(Ask(address, {.token_file = File("third")}).ok());
+  Run("chmod o-w tokens");
+  EXPECT_TRUE(Eventually(
+      [&] { return absl::IsUnauthenticated(Ask(address, {.token_file = File("third")})); }));
 
   // A file that cannot be read is told once, and the tokens stay.
   Run("echo nonsense > new && mv new tokens");
