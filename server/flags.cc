@@ -1,15 +1,19 @@
 #include "server/flags.h"
 
+#include <algorithm>
 #include <cctype>
 #include <charconv>
-#include <cstdio>
 #include <cstdlib>
+#include <istream>
+#include <memory>
 #include <string_view>
 #include <system_error>
+#include <vector>
 
 #include "CLI/CLI.hpp"
 #include "fmt/format.h"
 #include "server/address.h"
+#include "server/tell.h"
 #include "server/version.h"
 
 namespace treelight::server {
@@ -95,14 +99,50 @@ std::string Printable(std::string_view text) {
   return text.size() > kLongest ? line + "..." : line;
 }
 
+/// INI files in which a quote that is opened is closed.
+class ConfigFile : public CLI::ConfigTOML {
+ public:
+  std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
+    auto options = CLI::ConfigTOML::from_config(input);
+    for (const CLI::ConfigItem& item : options) {
+      for (const std::string& text : item.inputs) {
+        if (text.starts_with('"') || text.starts_with('\'')) {
+          throw CLI::ConfigError(fmt::format("the quote of {}={} is not closed", item.name, text));
+        }
+      }
+    }
+    return options;
+  }
+};
+
+/// "TREELIGHT_QUEUE_DEPTH: " where `what`, of an option that the command line does not have, is
+/// about the value that the environment gives it; else empty.
+std::string Culprit(const std::string& what, const std::vector<std::string>& arguments) {
+  const std::size_t begin = what.find("--");
+  if (begin == what.npos) return {};
+  const std::size_t end = what.find_first_not_of("abcdefghijklmnopqrstuvwxyz-", begin);
+  const std::string option = what.substr(begin, end - begin);
+  const bool told = std::ranges::any_of(arguments, [&](const std::string& argument) {
+    return argument == option || argument.starts_with(option + "=");
+  });
+  const std::string variable = Variable(option);
+  const char* const value = std::getenv(variable.c_str());
+  const bool is_it = !told && value != nullptr && what.find(value) != what.npos;
+  return is_it ? variable + ": " : std::string();
+}
+
 /// What is wrong, in one line.
-std::string Explain(const CLI::ParseError& error, CLI::App& app) {
+std::string Explain(const CLI::ParseError& error, CLI::App& app,
+                    const std::vector<std::string>& arguments) {
   constexpr std::string_view kNotAnOption = "INI was not able to parse ";
-  const std::string_view what = error.what();
-  if (!what.starts_with(kNotAnOption)) return std::string(what);
-  return fmt::format("file '{}' of --config: no option is named '{}'",
-                     app.get_config_ptr()->as<std::string>(),
-                     Printable(what.substr(kNotAnOption.size())));
+  const std::string what = error.what();
+  const bool not_an_option = what.starts_with(kNotAnOption);
+  if (!not_an_option && dynamic_cast<const CLI::ConfigError*>(&error) == nullptr)
+    return Culprit(what, arguments) + what;
+  return fmt::format("file '{}' of --config: {}", app.get_config_ptr()->as<std::string>(),
+                     not_an_option ? fmt::format("no option is named '{}'",
+                                                 Printable(what.substr(kNotAnOption.size())))
+                                   : Printable(what));
 }
 
 void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slow_ms,
@@ -162,7 +202,11 @@ void AddOptions(CLI::App& app, Flags& flags, Seconds& seconds, std::int64_t& slo
   Add(app, "--drain-seconds", seconds.drain, "Time for open calls to finish after that")
       ->check([](const std::string& text) { return CheckSeconds(text, 0); });
   Add(app, "--data-dir", server.data_folder,
-      "Folder in which maps survive the server; without it they live in memory alone");
+      "Folder in which maps survive the server; without it they live in memory alone")
+      ->check([](const std::string& folder) {
+        return folder.empty() ? std::string("it names no folder; without it maps live in memory")
+                              : std::string();
+      });
   Add(app, "--log-file", server.log_file, "Request log, opened anew at SIGHUP; stderr without it");
   Add(app, "--slow-ms", slow_ms,
       "Requests that take longer have \"slow\":true in the log and are counted; 0: none")
@@ -203,6 +247,7 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
   const bool has_config = config != nullptr && *config != '\0';
   // A file that is named has to be there.
   app.set_config("--config", has_config ? config : "", "File of options, name=value", has_config);
+  app.config_formatter(std::make_shared<ConfigFile>());
   app.allow_config_extras(CLI::config_extras_mode::error);
   try {
     app.parse(argc, argv);
@@ -210,7 +255,7 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
     app.exit(asked);
     return Exit{0};
   } catch (const CLI::ParseError& error) {
-    fmt::print(stderr, "treelightd: {}\n", Explain(error, app));
+    Tell(Explain(error, app, {argv + 1, argv + argc}));
     return Exit{kExitWrongUsage};
   }
   flags.drain = ToMilliseconds(seconds.drain);
@@ -219,7 +264,7 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
   flags.server.stall = ToMilliseconds(seconds.stall);
   flags.server.socket_mode = static_cast<unsigned>(std::stoul(socket_mode, nullptr, 8));
   const auto wrong = [](const absl::Status& status) {
-    fmt::print(stderr, "treelightd: {}\n", std::string(status.message()));
+    Tell(std::string(status.message()));
     return Exit{kExitWrongUsage};
   };
   if (health_check->parsed()) {
@@ -228,12 +273,12 @@ std::variant<Flags, HealthCheck, TokenRequest, FolderCheck, Exit> ParseFlags(
   }
   if (fsck->parsed()) {
     if (!flags.server.data_folder.empty()) return FolderCheck{flags.server.data_folder};
-    fmt::print(stderr, "treelightd: fsck: say which folder, --data-dir\n");
+    Tell("fsck: say which folder, --data-dir");
     return Exit{kExitWrongUsage};
   }
   if (token->parsed()) {
     if (!flags.server.token_file.empty()) return TokenRequest{token_name, flags.server.token_file};
-    fmt::print(stderr, "treelightd: token: say which file gets the hash, --token-file\n");
+    Tell("token: say which file gets the hash, --token-file");
     return Exit{kExitWrongUsage};
   }
   if (auto status = CheckOptions(flags.server); !status.ok()) return wrong(status);

@@ -65,11 +65,11 @@ absl::Status CheckHealth(const HealthCheck& check, std::chrono::milliseconds tim
   queue.Next(&tag, &ok);
   if (!status.ok()) {
     // What a server with TLS does to who speaks without.
-    const bool hung_up = check.tls.empty() &&
-                         status.error_code() == grpc::StatusCode::UNAVAILABLE &&
-                         status.error_message().find("Failed to connect") == std::string::npos;
+    const std::string why = status.error_message();
+    const bool hung_up = check.tls.empty() && (why.find("Socket closed") != why.npos ||
+                                               why.find("reset by peer") != why.npos);
     return absl::UnavailableError(fmt::format(
-        "'{}' does not answer: {}{}", check.listen, status.error_message(),
+        "'{}' does not answer: {}{}", check.listen, why,
         hung_up ? "; where it serves with TLS, give its --tls-cert and --tls-key" : ""));
   }
   if (!IsServing(response))

@@ -48,6 +48,10 @@ TEST(ServerLifeTest, HealthCheckFollowsTheServer) {
   EXPECT_EQ(check.Wait(), 1);
   EXPECT_EQ(check.err().find("treelightd: '" + address + "' does not answer: "), 0u) << check.err();
   EXPECT_EQ(Lines(check.err()), 1u);
+  Process missing({"healthcheck", "--listen", "unix:" + check.folder() + "/missing"});
+  EXPECT_EQ(missing.Wait(), 1);
+  EXPECT_NE(missing.err().find("No such file"), std::string::npos) << missing.err();
+  EXPECT_EQ(missing.err().find("TLS"), std::string::npos) << missing.err();
 }
 
 TEST(ServerLifeTest, HealthCheckAsksTheAddressOfTheEnvironment) {

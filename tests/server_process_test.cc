@@ -45,6 +45,7 @@ TEST(ServerProcessTest, AWrongCommandLineIsOneLineAndExitCode2) {
                                                     {"nosuch"},
                                                     {"--drain-seconds", "nan"},
                                                     {"--drain-seconds", "-1"},
+                                                    {"--data-dir", ""},
                                                     {"--device", "nosuch"}}) {
     Process process(arguments);
     EXPECT_EQ(process.Wait(), 2) << arguments[0];
@@ -67,6 +68,27 @@ TEST(ServerProcessTest, AWrongConfigurationFileIsNamed) {
     EXPECT_EQ(process.err().substr(0, expected.size()), expected) << process.err();
     EXPECT_EQ(Lines(process.err()), 1u) << process.err();
   }
+}
+
+TEST(ServerProcessTest, AQuoteThatIsNotClosedIsNamed) {
+  Process folder({"--version"});
+  const std::string config = folder.folder() + "/config";
+  std::ofstream(config) << "max-calls=5\ndata-dir=\"maps\n";
+  Process process({"--config", config});
+  EXPECT_EQ(process.Wait(), 2);
+  EXPECT_EQ(process.err(), "treelightd: file '" + config +
+                               "' of --config: the quote of data-dir=\"maps is not closed\n");
+}
+
+TEST(ServerProcessTest, AWrongVariableOfTheEnvironmentIsNamed) {
+  setenv("TREELIGHT_MAX_CALLS", "abc", 1);
+  Process variable({}), option({"--max-calls=abcd"});
+  unsetenv("TREELIGHT_MAX_CALLS");
+  EXPECT_EQ(variable.Wait(), 2);
+  EXPECT_EQ(variable.err().find("treelightd: TREELIGHT_MAX_CALLS: --max-calls: 'abc' is no"), 0u)
+      << variable.err();
+  EXPECT_EQ(option.Wait(), 2);
+  EXPECT_EQ(option.err().find("treelightd: --max-calls: 'abcd' is no"), 0u) << option.err();
 }
 
 /// The index of the first device that has kernels to compile.
