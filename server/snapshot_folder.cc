@@ -308,6 +308,9 @@ absl::StatusOr<std::uint64_t> SnapshotFolder::Write(const v1::PhotonMap& map,
     }
     return Failed(name, error);
   };
+  // Before bytes are written for nothing; the rename looks again.
+  if (faccessat(handle_, name.c_str(), F_OK, AT_SYMLINK_NOFOLLOW) == 0 && !Broken("shared_version"))
+    return absl::AlreadyExistsError(name);
   Aside file(handle_, path_, name);
   if (file.handle() < 0) return failed(file.error());
   int error = 0;
