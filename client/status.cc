@@ -1,5 +1,6 @@
 #include "client/status.h"
 
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -14,11 +15,12 @@ namespace {
 
 constexpr const char* kRetryUrl = "type.googleapis.com/google.rpc.RetryInfo";
 
-// What gRPC says of a connection that did not come about, and what it means.
+// What gRPC says itself, and what it means.
 struct Hint {
   std::string_view symptom, meaning;
 };
-constexpr Hint kHints[] = {
+// Of a connection that did not come about.
+constexpr Hint kConnectionHints[] = {
     {"certificate verify failed",
      "the server's certificate is of no CA that is trusted here (--tls-ca), or has expired"},
     {"is not in peer certificate", "the server's certificate is of another host"},
@@ -26,23 +28,36 @@ constexpr Hint kHints[] = {
     {"Socket closed",
      "it hung up at once: does the server want TLS (--tls-ca), or a certificate (--tls-cert)?"},
 };
+// Of RESOURCE_EXHAUSTED.
+constexpr Hint kSizeHints[] = {
+    {"metadata size exceeds limit",
+     "what goes with a call, the token above all, is over the 8 KiB that a server takes"},
+    {"message larger than max",
+     "a message is larger than its receiver takes: fewer queries a batch, or a smaller k"},
+};
 
-// `message` of gRPC, of a connection that failed with what it means.
-std::string Explain(const std::string& message) {
-  if (!message.starts_with("failed to connect to all addresses")) return message;
-  for (const Hint& hint : kHints) {
-    if (message.find(hint.symptom) != std::string::npos) {
+std::string Explain(std::span<const Hint> hints, const std::string& message) {
+  for (const Hint& hint : hints) {
+    if (message.find(hint.symptom) != std::string::npos)
       return fmt::format("{} ({})", hint.meaning, message);
-    }
   }
   return message;
+}
+
+// The message of `status`; of gRPC's own with what it means.
+std::string Explain(const grpc::Status& status) {
+  const std::string message = status.error_message();
+  if (message.starts_with("failed to connect to all addresses"))
+    return Explain(kConnectionHints, message);
+  return status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED ? Explain(kSizeHints, message)
+                                                                     : message;
 }
 
 }  // namespace
 
 absl::Status ToAbslStatus(const grpc::Status& status) {
   const auto code = static_cast<absl::StatusCode>(status.error_code());
-  absl::Status plain(code, Explain(status.error_message()));
+  absl::Status plain(code, Explain(status));
   google::rpc::Status details;
   if (!details.ParseFromString(status.error_details())) return plain;
   for (const auto& detail : details.details()) {

@@ -11,7 +11,7 @@ namespace treelight::client {
 
 /// The same code and message; the codes of both have the same numbers. Details of google.rpc.Status
 /// become payloads, and where the server says when to repeat, the message ends with it; where TLS
-/// is what keeps a connection from coming about, it begins with that.
+/// is what keeps a connection from coming about, or a size what gRPC refuses, it begins with that.
 absl::Status ToAbslStatus(const grpc::Status& status);
 
 /// google.rpc.RetryInfo of `status`: after which time a repeat may succeed. Empty where the server

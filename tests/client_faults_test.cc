@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/photon_map_client.h"
+#include "client/status.h"
 #include "gmock/gmock.h"
 #include "google/protobuf/util/time_util.h"
 #include "google/rpc/error_details.pb.h"
@@ -19,6 +20,7 @@
 namespace treelight::client {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr std::chrono::milliseconds kTimeout{300};
@@ -305,6 +307,20 @@ TEST_F(ClientFaultsTest, APipelineToAServerThatStallsEndsItsSendsAndReceives) {
   for (int batch = 0; status.ok() && batch < 1000; ++batch) status = sending.Send(queries);
   EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
   EXPECT_EQ(sending.Send(queries).code(), absl::StatusCode::kDeadlineExceeded);
+}
+
+TEST(StatusTest, WhatGrpcFindsTooLargeSaysWhatToDo) {
+  const auto message = [](grpc::StatusCode code, const char* text) {
+    return std::string(ToAbslStatus({code, text}).message());
+  };
+  const auto full = grpc::StatusCode::RESOURCE_EXHAUSTED;
+  EXPECT_THAT(message(full, "Received message larger than max (9 vs. 8)"),
+              AllOf(HasSubstr("fewer queries a batch"), HasSubstr("(9 vs. 8)")));
+  EXPECT_THAT(message(full, "received initial metadata size exceeds limit"),
+              HasSubstr("the token above all"));
+  EXPECT_EQ(message(full, "queue is full"), "queue is full");
+  EXPECT_EQ(message(grpc::StatusCode::INTERNAL, "message larger than max"),
+            "message larger than max");
 }
 
 }  // namespace
