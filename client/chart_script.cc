@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 
@@ -78,8 +79,11 @@ absl::Status RunChartScript(std::string_view script, const std::vector<std::stri
     return absl::FailedPreconditionError(
         "no charts: Python is missing: apt install python3-matplotlib; the numbers are written");
   }
+  const std::string what = LastLine(error);
+  const bool wrong_numbers =
+      std::ranges::any_of(csv_paths, [&](const std::string& csv) { return what.starts_with(csv); });
   return absl::FailedPreconditionError(
-      fmt::format("no charts: {}; the numbers are written", LastLine(error)));
+      fmt::format("no charts: {}{}", what, wrong_numbers ? "" : "; the numbers are written"));
 }
 
 }  // namespace treelight::client

@@ -16,15 +16,22 @@ from matplotlib import pyplot  # noqa: E402
 def read(path, kind, numbers, texts=(), may_be_empty=False):
     """The rows of the CSV file of `kind`, "a bench": `numbers` as floats, or None where one is empty and may be.
 
-    Ends the program, with the place, where a column is missing or a number is none.
+    Ends the program, with the place, where a column is missing, a row is cut or a number is none.
     """
-    with open(path, newline="") as file:
-        reader = csv.DictReader(file)
-        for column in (*numbers, *texts):
-            if column not in (reader.fieldnames or []):
-                sys.exit(f"{path}:1: the columns are not those of {kind}: there is no {column}")
-        rows = list(reader)
+    try:
+        with open(path, newline="") as file:
+            reader = csv.DictReader(file)
+            for column in (*numbers, *texts):
+                if column not in (reader.fieldnames or []):
+                    sys.exit(f"{path}:1: the columns are not those of {kind}: there is no {column}")
+            rows = list(reader)
+    except OSError as error:
+        sys.exit(f"{path}: {error.strerror}")
+    except (UnicodeDecodeError, csv.Error):
+        sys.exit(f"{path}: it is no CSV file")
     for line, row in enumerate(rows, start=2):
+        if None in row.values():
+            sys.exit(f"{path}:{line}: the row has fewer values than there are columns; was the file cut off?")
         for column in numbers:
             try:
                 row[column] = None if may_be_empty and not row[column] else float(row[column])

@@ -59,7 +59,7 @@ for chart in builds stages gathers_over_k gathers_over_photons threads; do
   grep -q '<svg' "charts/$chart.svg" || fail "$chart.svg"
 done
 if "$treelight" bench --from table.txt --output charts 2>error; then fail 'a table is taken for rows'; fi
-grep -q '^treelight: no charts: table.txt:1: the columns are not those of a bench: there is no photons; ' error || fail "$(cat error)"
+grep -q '^treelight: no charts: table.txt:1: the columns are not those of a bench: there is no photons$' error || fail "$(cat error)"
 sed 's/^gather,k 8,W2,1,0,4000,lbvh,16,8,/gather,k 8,W2,1,0,4000,lbvh,16,eight,/' local/bench.csv >eight.csv
 if "$treelight" bench --from eight.csv --output charts 2>error; then fail 'eight is a number'; fi
-grep -q "^treelight: no charts: eight.csv:[0-9]*: k is 'eight', no number; " error || fail "$(cat error)"
+grep -q "^treelight: no charts: eight.csv:[0-9]*: k is 'eight', no number\$" error || fail "$(cat error)"

@@ -127,6 +127,38 @@ TEST_F(LoadCommandTest, ChartsAreDrawnFromACsvWithoutAServer) {
               HasSubstr("c.csv:1: the columns are not those of a load"));
 }
 
+TEST_F(LoadCommandTest, AFileThatIsNoTableOfALoadIsNamed) {
+  std::ofstream(Path("cut.csv")) << "kind,loop,share,offered_per_s,sent,ok,refused,failed,late,"
+                                    "ok_per_s,p50_ms,p90_ms,p99_ms,p999_ms,max_ms\n"
+                                 << "gather,open,,20,30,3";
+  std::ofstream(Path("bytes.csv")) << "\xff\xfe\x80";
+  const Outcome cut = Run("load --from cut.csv --output charts");
+  if (cut.err.find("matplotlib") != std::string::npos) GTEST_SKIP() << cut.err;
+  EXPECT_EQ(cut.exit_code, 1);
+  EXPECT_THAT(cut.err, HasSubstr("cut.csv:2: the row has fewer values than there are columns"));
+  EXPECT_THAT(cut.err, Not(HasSubstr("are written")));
+  EXPECT_THAT(FailingRun("load --from bytes.csv --output charts", 1),
+              HasSubstr("bytes.csv: it is no CSV file"));
+  EXPECT_THAT(FailingRun("load --from charts --output charts", 1),
+              HasSubstr("charts: Is a directory"));
+}
+
+TEST_F(LoadCommandTest, WhatCannotBeIsSaidBeforeAnyWork) {
+  // No server is there yet.
+  EXPECT_THAT(FailingRun("load --csv none/x.csv", 1), HasSubstr("cannot write none/x.csv"));
+  Serve();
+  EXPECT_THAT(FailingRun("load --photons 1000000000", 1),
+              HasSubstr("--photons is 1000000000, the server takes at most 100000000 "
+                        "(--max-photons of treelightd)"));
+  EXPECT_THAT(FailingRun("load --builds 0.5 --build-photons 1000000000", 1),
+              HasSubstr("--build-photons is 1000000000"));
+  // Requests are drawn as they are due: all of them would take 690 GB.
+  const pid_t pid = Start("load --rates 1000000 --duration 86400 --photons 10 --queries 1");
+  ASSERT_TRUE(Eventually([&] { return Gathers() > 5; }));
+  kill(pid, SIGINT);
+  EXPECT_EQ(End(pid).exit_code, 130);
+}
+
 TEST_F(LoadCommandTest, AnInterruptTellsWhatThereIsAndDeletesTheMap) {
   Serve();
   for (const char* loop : {"--rates 50,20", "--sweep 0.5"}) {

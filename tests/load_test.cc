@@ -20,15 +20,22 @@ namespace {
 using std::chrono::nanoseconds;
 using std::chrono_literals::operator""ms;
 
+std::vector<nanoseconds> Times(const LoadOptions& options) {
+  IntendedTimes intended(options);
+  std::vector<nanoseconds> times;
+  while (const auto time = intended.Next()) times.push_back(*time);
+  return times;
+}
+
 TEST(LoadTest, IntendedTimesHaveTheRate) {
   LoadOptions options{.arrivals = Arrivals::kConstant, .rate = 100, .duration = 1000ms};
-  const auto constant = IntendedTimes(options);
+  const auto constant = Times(options);
   ASSERT_EQ(constant.size(), 100u);
   EXPECT_EQ(constant[0], nanoseconds(0));
   EXPECT_NEAR(static_cast<double>(constant[99].count()), 0.99e9, 1e3);
   options.arrivals = Arrivals::kPoisson;
   options.rate = 10'000;
-  const auto poisson = IntendedTimes(options);
+  const auto poisson = Times(options);
   // A Poisson count of 10000: 100 of standard deviation.
   EXPECT_NEAR(static_cast<double>(poisson.size()), 10'000, 500);
   EXPECT_TRUE(std::ranges::is_sorted(poisson));
@@ -52,6 +59,21 @@ class LoadRunTest : public treelight::testing::ServerTest {
     client.SetRetryPatience({});
     return RunLoad(client, {.name = "cloud"}, options);
   }
+
+  /// The same on a device that stands still for the first `pause`.
+  LoadResult LoadBehindGate(std::chrono::milliseconds pause, const LoadOptions& options) {
+    const auto gate = std::make_shared<treelight::testing::Gate>();
+    Start(std::make_unique<treelight::testing::GatedBuilder>(gate));
+    MustBuild("cloud", treelight::testing::MakePhotons(100, 1));
+    PhotonMapClient client(server_->InProcessChannel());
+    client.SetRetryPatience({});
+    gate->open = false;
+    std::jthread opener([&] {
+      std::this_thread::sleep_for(pause);
+      gate->open = true;
+    });
+    return RunLoad(client, {.name = "cloud"}, options);
+  }
 };
 
 TEST_F(LoadRunTest, ClosedLoopSendsAsFastAsItIsAnswered) {
@@ -70,22 +92,12 @@ TEST_F(LoadRunTest, ClosedLoopSendsAsFastAsItIsAnswered) {
 }
 
 TEST_F(LoadRunTest, OpenLoopSendsAllThatIsDueAndCountsFromThen) {
-  const auto gate = std::make_shared<treelight::testing::Gate>();
-  Start(std::make_unique<treelight::testing::GatedBuilder>(gate));
-  MustBuild("cloud", treelight::testing::MakePhotons(100, 1));
-  PhotonMapClient client(server_->InProcessChannel());
-  gate->open = false;
-  std::jthread opener([&] {
-    std::this_thread::sleep_for(500ms);
-    gate->open = true;
-  });
   // The device stands for half a second: two workers wait, and the rest of the requests are late.
-  const auto result = RunLoad(client, {.name = "cloud"},
-                              {.arrivals = Arrivals::kConstant,
-                               .rate = 100,
-                               .duration = 600ms,
-                               .workers = 2,
-                               .queries = 1});
+  const auto result = LoadBehindGate(500ms, {.arrivals = Arrivals::kConstant,
+                                             .rate = 100,
+                                             .duration = 600ms,
+                                             .workers = 2,
+                                             .queries = 1});
   EXPECT_EQ(result.kinds[0].ok, 60u);
   EXPECT_GT(result.late, 30u);
   EXPECT_FALSE(result.IsSound(0.99));
@@ -95,24 +107,13 @@ TEST_F(LoadRunTest, OpenLoopSendsAllThatIsDueAndCountsFromThen) {
 }
 
 TEST_F(LoadRunTest, RefusalsAndFailuresAreCountedApart) {
-  const auto gate = std::make_shared<treelight::testing::Gate>();
   options_.queue_depth = 1;
-  Start(std::make_unique<treelight::testing::GatedBuilder>(gate));
-  MustBuild("cloud", treelight::testing::MakePhotons(100, 1));
-  PhotonMapClient client(server_->InProcessChannel());
-  client.SetRetryPatience({});
-  gate->open = false;
-  std::jthread opener([&] {
-    std::this_thread::sleep_for(300ms);
-    gate->open = true;
-  });
   // While the device stands, one gather is on it, one waits, and there is no place for the others.
-  const auto full = RunLoad(client, {.name = "cloud"},
-                            {.arrivals = Arrivals::kConstant,
-                             .rate = 100,
-                             .duration = 200ms,
-                             .workers = 8,
-                             .queries = 1});
+  const auto full = LoadBehindGate(300ms, {.arrivals = Arrivals::kConstant,
+                                           .rate = 100,
+                                           .duration = 200ms,
+                                           .workers = 8,
+                                           .queries = 1});
   const KindResult& gathers = full.kinds[0];
   EXPECT_EQ(gathers.sent, 20u);
   EXPECT_GE(gathers.refused, 10u);
@@ -121,6 +122,7 @@ TEST_F(LoadRunTest, RefusalsAndFailuresAreCountedApart) {
   EXPECT_EQ(gathers.sent, gathers.ok + gathers.refused);
   EXPECT_EQ(gathers.latency.count(), gathers.ok);
 
+  PhotonMapClient client(server_->InProcessChannel());
   const auto missing =
       RunLoad(client, {.name = "missing"}, {.duration = 50ms, .workers = 1, .queries = 5});
   EXPECT_EQ(missing.kinds[0].ok, 0u);

@@ -1,11 +1,13 @@
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <random>
+#include <set>
 #include <string>
-#include <system_error>
+#include <string_view>
 #include <vector>
 
 #include "client/commands/check.h"
@@ -14,6 +16,7 @@
 #include "client/commands/output.h"
 #include "client/commands/server_option.h"
 #include "client/load/load_table.h"
+#include "client/output_file.h"
 #include "client/table.h"
 #include "fmt/format.h"
 
@@ -24,7 +27,11 @@ const std::map<std::string, Arrivals> kOpenArrivals = {{"constant", Arrivals::kC
                                                        {"poisson", Arrivals::kPoisson}};
 // That the map outlives the run, should this program end without deleting it.
 constexpr double kSpareSeconds = 600;
+constexpr std::chrono::milliseconds kLongestLife = std::chrono::days(30);  // photon_map.proto
 
+// Of the wire: a position and a power.
+constexpr std::uint64_t kPhotonBytes = 24;
+constexpr const char* kTable = "load.csv";
 constexpr std::uint32_t kClosedWorkers = 8, kOpenWorkers = 64;
 
 struct Options {
@@ -41,7 +48,7 @@ struct Options {
 std::chrono::milliseconds TimeToLive(const Options& options) {
   const auto runs = static_cast<double>(1 + options.rates.size() + options.shares.size());
   const std::chrono::duration<double> seconds(runs * options.duration_s + kSpareSeconds);
-  return std::chrono::duration_cast<std::chrono::milliseconds>(seconds);
+  return std::min(kLongestLife, std::chrono::duration_cast<std::chrono::milliseconds>(seconds));
 }
 
 /// One run: closed where `rate` is 0. Says on stderr where it has no tail.
@@ -91,20 +98,54 @@ std::string InFolder(const Options& options, const char* name) {
   return (std::filesystem::path(options.output) / name).string();
 }
 
-/// The table, and the files that were asked for.
-absl::Status Report(const std::vector<LoadRun>& runs, const Options& options) {
-  fmt::print("{}", Format({.head = LoadColumns(), .rows = LoadRows(runs)}));
-  if (!options.csv_path.empty()) {
-    if (auto status = WriteLoadCsv(options.csv_path, runs); !status.ok()) return status;
+/// The files for the table, each of them once.
+absl::StatusOr<std::vector<OutputFile>> OpenTables(const Options& options) {
+  std::set<std::string> paths;
+  if (!options.csv_path.empty()) paths.insert(options.csv_path);
+  if (!options.output.empty()) paths.insert(InFolder(options, kTable));
+  std::vector<OutputFile> files;
+  for (const std::string& path : paths) {
+    auto file = OutputFile::Create(path);
+    if (!file.ok()) return file.status();
+    files.push_back(*std::move(file));
   }
-  if (options.output.empty()) return absl::OkStatus();
-  const std::string csv = InFolder(options, "load.csv");
-  if (auto status = WriteLoadCsv(csv, runs); !status.ok()) return status;
+  return files;
+}
+
+/// The table, also in `files`, and the charts that were asked for.
+absl::Status Report(const std::vector<LoadRun>& runs, std::vector<OutputFile>& files,
+                    const Options& options) {
+  fmt::print("{}", Format({.head = LoadColumns(), .rows = LoadRows(runs)}));
+  for (OutputFile& file : files) {
+    if (auto status = WriteLoadCsv(file, runs); !status.ok()) return status;
+  }
   const bool open = !options.rates.empty() || !options.shares.empty();
-  if (!open || !options.charts || InterruptGuard::interrupted()) return absl::OkStatus();
+  if (options.output.empty() || !open || !options.charts || InterruptGuard::interrupted())
+    return absl::OkStatus();
   // The numbers are what was asked for: they do not fail for want of Python.
-  if (auto status = DrawLoadCharts({csv}, options.output); !status.ok()) {
+  if (auto status = DrawLoadCharts({InFolder(options, kTable)}, options.output); !status.ok()) {
     Warn({status.message().data(), status.message().size()});
+  }
+  return absl::OkStatus();
+}
+
+/// What the server would refuse in any case, before the numbers are made.
+absl::Status CheckLimits(const Options& options, const v1::ServerLimits& limits) {
+  const auto refuse = [](std::string_view option, std::uint64_t value, std::uint64_t most,
+                         std::string_view flag) {
+    return absl::InvalidArgumentError(fmt::format(
+        "{} is {}, the server takes at most {} ({} of treelightd)", option, value, most, flag));
+  };
+  const std::uint64_t build_photons = options.load.build_share > 0 ? options.load.build_photons : 0;
+  if (options.photons > limits.max_photons())
+    return refuse("--photons", options.photons, limits.max_photons(), "--max-photons");
+  if (build_photons > limits.max_photons())
+    return refuse("--build-photons", build_photons, limits.max_photons(), "--max-photons");
+  // An upload counts there as long as it lasts.
+  const std::uint64_t most = limits.memory_bytes() / kPhotonBytes;
+  if (const std::uint64_t photons = std::max(options.photons, build_photons); photons > most) {
+    return refuse(options.photons > most ? "--photons" : "--build-photons", photons, most,
+                  "--memory-limit");
   }
   return absl::OkStatus();
 }
@@ -114,8 +155,13 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
       !status.ok())
     return status;
   if (!options.from.empty()) return DrawLoadCharts(options.from, options.output);
+  auto files = OpenTables(options);
+  if (!files.ok()) return files.status();
   const auto client = Connect(global);
   if (!client.ok()) return client.status();
+  const auto info = (*client)->GetServerInfo();
+  if (!info.ok()) return info.status();
+  if (auto status = CheckLimits(options, info->limits()); !status.ok()) return status;
   // What is refused is counted, not repeated.
   (*client)->SetRetryPatience({});
   const MapRef name{.name = fmt::format("load-{:08x}", std::random_device{}())};
@@ -132,7 +178,7 @@ absl::Status Run(const Options& options, const GlobalOptions& global) {
   for (const LoadRun& run : runs) {
     for (const KindResult& kind : run.result.kinds) failure.Update(kind.first_failure);
   }
-  const absl::Status reported = Report(runs, options);
+  const absl::Status reported = Report(runs, *files, options);
   if (!reported.ok()) return reported;
   return InterruptGuard::interrupted()
              ? absl::CancelledError("interrupted; what was measured is above")

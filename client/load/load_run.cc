@@ -1,11 +1,10 @@
 #include "client/load/load_run.h"
 
-#include <atomic>
 #include <cmath>
 #include <functional>
 #include <mutex>
+#include <new>
 #include <optional>
-#include <random>
 #include <thread>
 
 namespace treelight::client {
@@ -31,10 +30,10 @@ std::vector<float> RandomNumbers(std::size_t count, std::uint32_t seed) {
 class Schedule {
  public:
   Schedule(const LoadOptions& options, Clock::time_point begin)
-      : times_(IntendedTimes(options)),
-        closed_(options.arrivals == Arrivals::kClosed),
+      : closed_(options.arrivals == Arrivals::kClosed),
         begin_(begin),
-        end_(begin + options.duration) {}
+        end_(begin + options.duration),
+        times_(options) {}
 
   // The number of the next request and when it is meant to be sent; none when the run is over.
   struct Next {
@@ -42,21 +41,19 @@ class Schedule {
     Clock::time_point intended;
   };
   std::optional<Next> Take() {
-    const std::uint64_t number = next_++;
-    if (!closed_) {
-      if (number >= times_.size()) return std::nullopt;
-      return Next{number, begin_ + times_[number]};
-    }
     const auto now = Clock::now();
-    if (now >= end_) return std::nullopt;
-    return Next{number, now};
+    const std::lock_guard lock(mutex_);
+    if (closed_) return now < end_ ? std::optional(Next{next_++, now}) : std::nullopt;
+    const auto time = times_.Next();
+    return time ? std::optional(Next{next_++, begin_ + *time}) : std::nullopt;
   }
 
  private:
-  const std::vector<std::chrono::nanoseconds> times_;
   const bool closed_;
   const Clock::time_point begin_, end_;
-  std::atomic<std::uint64_t> next_ = 0;
+  std::mutex mutex_;
+  IntendedTimes times_;     // guarded by mutex_
+  std::uint64_t next_ = 0;  // guarded by mutex_
 };
 
 // Sleeps until `time`; false where `interrupted` says so before.
@@ -96,19 +93,20 @@ Photons MakeLoadPhotons(std::uint64_t count, std::uint32_t seed) {
           .directions = {}};
 }
 
-std::vector<std::chrono::nanoseconds> IntendedTimes(const LoadOptions& options) {
-  std::vector<std::chrono::nanoseconds> times;
-  if (options.arrivals == Arrivals::kClosed) return times;
-  std::mt19937_64 engine(options.seed);
-  std::exponential_distribution<double> distance(options.rate);
-  const double end = std::chrono::duration<double>(options.duration).count();
-  double seconds = options.arrivals == Arrivals::kPoisson ? distance(engine) : 0;
-  for (std::uint64_t i = 1; seconds < end; ++i) {
-    times.emplace_back(static_cast<std::int64_t>(1e9 * seconds));
-    seconds = options.arrivals == Arrivals::kPoisson ? seconds + distance(engine)
-                                                     : static_cast<double>(i) / options.rate;
-  }
-  return times;
+IntendedTimes::IntendedTimes(const LoadOptions& options)
+    : poisson_(options.arrivals == Arrivals::kPoisson),
+      rate_(options.rate),
+      end_(options.arrivals == Arrivals::kClosed
+               ? 0
+               : std::chrono::duration<double>(options.duration).count()),
+      engine_(options.seed),
+      distance_(poisson_ ? rate_ : 1) {}
+
+std::optional<std::chrono::nanoseconds> IntendedTimes::Next() {
+  seconds_ = poisson_ ? seconds_ + distance_(engine_) : static_cast<double>(count_) / rate_;
+  ++count_;
+  if (!(seconds_ < end_)) return std::nullopt;
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds_));
 }
 
 LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions& options) {
@@ -123,6 +121,19 @@ LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions
   std::mutex mutex;  // guards `result`
   const Clock::time_point begin = Clock::now();
   Schedule schedule(options, begin);
+  const auto send = [&](std::uint64_t number, bool build) -> absl::Status {
+    try {
+      if (build) {
+        const auto built =
+            client.BuildPhotonMap(map.name + ".build", photons, {.time_to_live = kTimeToLive});
+        return built.status();
+      }
+      return client.Gather(map, {.positions = batches[number % kBatchCount]}, options.gather)
+          .status();
+    } catch (const std::bad_alloc&) {
+      return absl::InternalError("this machine has no memory for so many requests at once");
+    }
+  };
   const auto work = [&] {
     std::array<KindResult, kRequestKindCount> kinds;
     std::uint64_t late = 0;
@@ -135,13 +146,7 @@ LoadResult RunLoad(PhotonMapClient& client, const MapRef& map, const LoadOptions
       KindResult& kind =
           kinds[static_cast<std::size_t>(build ? RequestKind::kBuild : RequestKind::kGather)];
       ++kind.sent;
-      const absl::Status status =
-          build
-              ? client.BuildPhotonMap(map.name + ".build", photons, {.time_to_live = kTimeToLive})
-                    .status()
-              : client
-                    .Gather(map, {.positions = batches[next->number % kBatchCount]}, options.gather)
-                    .status();
+      const absl::Status status = send(next->number, build);
       if (status.ok()) {
         ++kind.ok;
         kind.latency.Record(Clock::now() - next->intended);

@@ -5,6 +5,8 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -75,9 +77,23 @@ Photons MakeLoadPhotons(std::uint64_t count, std::uint32_t seed);
 /// "gather", "build".
 std::string KindName(RequestKind kind);
 
-/// The moments at which requests are meant to be sent, from the beginning, in order; empty for
-/// kClosed.
-std::vector<std::chrono::nanoseconds> IntendedTimes(const LoadOptions& options);
+/// The moments at which requests are meant to be sent, from the beginning, drawn as they are asked
+/// for. Not thread-safe.
+class IntendedTimes {
+ public:
+  explicit IntendedTimes(const LoadOptions& options);
+
+  /// The next one; none after LoadOptions::duration, and of kClosed.
+  std::optional<std::chrono::nanoseconds> Next();
+
+ private:
+  const bool poisson_;
+  const double rate_, end_;  // 1/s; s
+  std::mt19937_64 engine_;
+  std::exponential_distribution<double> distance_;
+  std::uint64_t count_ = 0;  // that were asked for
+  double seconds_ = 0;       // of the last one, of kPoisson
+};
 
 }  // namespace treelight::client
 

@@ -5,7 +5,6 @@
 
 #include "client/chart_script.h"
 #include "client/load/charts_script.h"
-#include "client/output_file.h"
 #include "fmt/format.h"
 #include "fmt/ranges.h"
 
@@ -66,13 +65,11 @@ std::vector<std::vector<std::string>> LoadRows(const std::vector<LoadRun>& runs)
   return rows;
 }
 
-absl::Status WriteLoadCsv(const std::string& path, const std::vector<LoadRun>& runs) {
-  auto file = OutputFile::Create(path);
-  if (!file.ok()) return file.status();
+absl::Status WriteLoadCsv(OutputFile& file, const std::vector<LoadRun>& runs) {
   std::string text = fmt::format("{}\n", fmt::join(LoadColumns(), ","));
   for (const auto& row : LoadRows(runs)) text += fmt::format("{}\n", fmt::join(row, ","));
-  if (auto status = file->Write(text); !status.ok()) return status;
-  return file->Commit();
+  if (auto status = file.Write(text); !status.ok()) return status;
+  return file.Commit();
 }
 
 absl::Status DrawLoadCharts(const std::vector<std::string>& csv_paths, const std::string& folder) {

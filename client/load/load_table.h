@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "client/load/load_run.h"
+#include "client/output_file.h"
 
 namespace treelight::client {
 
@@ -24,8 +25,8 @@ const std::vector<std::string>& LoadColumns();
 /// 1000.
 std::vector<std::vector<std::string>> LoadRows(const std::vector<LoadRun>& runs);
 
-/// Writes LoadColumns() and LoadRows(). The errors of OutputFile.
-absl::Status WriteLoadCsv(const std::string& path, const std::vector<LoadRun>& runs);
+/// Writes LoadColumns() and LoadRows(), all that `file` gets. The errors of OutputFile.
+absl::Status WriteLoadCsv(OutputFile& file, const std::vector<LoadRun>& runs);
 
 /// Draws load.png and load.svg into `folder` by Python's matplotlib: latency, and answers/s,
 /// against the offered load. The script stays there as charts.py. NOT_FOUND names a file that is
