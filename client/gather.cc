@@ -111,6 +111,7 @@ void AppendAnswer(GatherAnswer part, GatherAnswer& whole) {
   whole.errors.largest_bound = std::max(whole.errors.largest_bound, part.errors.largest_bound);
   const bool is_worse = part.merge_report.measured_error() > whole.merge_report.measured_error();
   if (is_worse || whole.result.densities.empty()) whole.merge_report = part.merge_report;
+  if (whole.search.empty()) whole.search = std::move(part.search);
   AppendWire(part.wire, whole.wire);
   AppendResult(std::move(part.result), whole.result);
 }

@@ -260,6 +260,7 @@ absl::Status AnswerAssembly::Add(const v1::GatherResponse& part) {
              answer_.wire);
   if (!complete()) return absl::OkStatus();
   answer_.merge_report = part.merge_report();
+  answer_.search = part.search();
   answer_.timings = part.timings();
   answer_.result.times = {.upload_us = part.timings().upload_us(),
                           .kernel_us = part.timings().kernel_us(),

@@ -85,6 +85,8 @@ struct GatherAnswer {
   /// Of an answer that may be gathered from fewer photons, else empty; of several batches, that of
   /// the one with the largest measured error.
   v1::MergeReport merge_report{};
+  std::string
+      search{};  ///< which search the server took, and why; of several batches, of the first
   MapRef map{};
   v1::Timings timings{};  ///< as the server measured them; of several batches, the sum
 };

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 
+#include "core/cost_meter.h"
 #include "core/cpu/bounds.h"
 #include "core/model/morton.h"
 #include "fmt/format.h"
@@ -135,28 +136,30 @@ BuildOptions LargestBuild(const AutoBuild& asked, BuildOptions options) {
 }
 
 std::uint64_t BuildChooser::WorkBytes(const AutoBuild& asked) const {
+  return Find(MeasuredK(asked.expected_k)) ? 0 : kMeasureBytes;
+}
+
+std::optional<BuildCosts> BuildChooser::Find(std::uint32_t k) const {
   const std::lock_guard lock(mutex_);
-  return costs_.contains(MeasuredK(asked.expected_k)) ? 0 : kMeasureBytes;
+  const auto found = costs_.find(k);
+  return found == costs_.end() ? std::nullopt : std::optional(found->second);
 }
 
 absl::StatusOr<BuildChoice> BuildChooser::Choose(const Photons& photons, const AutoBuild& asked,
                                                  const BuildOptions& options,
                                                  const CancelCheck& cancelled) {
   const std::uint32_t k = MeasuredK(asked.expected_k);
-  BuildCosts costs;
-  {
+  auto costs = Find(k);
+  if (!costs) {
+    // Without the lock, which others need for less long than this takes.
+    const auto measured = MeasureBuildCosts(builder_, k, cancelled);
+    if (!measured.ok()) return measured.status();
     const std::lock_guard lock(mutex_);
-    auto found = costs_.find(k);
-    if (found == costs_.end()) {
-      const auto measured = MeasureBuildCosts(builder_, k, cancelled);
-      if (!measured.ok()) return measured.status();
-      found = costs_.emplace(k, *measured).first;
-    }
-    costs = found->second;
+    costs = costs_.emplace(k, *measured).first->second;
   }
   const std::uint32_t leaf_size =
       asked.max_leaf_size > 0 ? asked.max_leaf_size : kTreeCandidates.front().max_leaf_size;
-  return ChooseBuild(costs, CountSharedCells(photons.positions, leaf_size), photons.size(), asked,
+  return ChooseBuild(*costs, CountSharedCells(photons.positions, leaf_size), photons.size(), asked,
                      options);
 }
 

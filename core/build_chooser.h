@@ -52,7 +52,8 @@ BuildOptions LargestBuild(const AutoBuild& asked, BuildOptions options);
 
 /// Chooses trees for the photons at hand by what builds and gathers cost on a device, which it
 /// measures once for each order of magnitude of k, when it is first asked. Safe to call from
-/// several threads at once, but others that use the device meanwhile are measured too.
+/// several threads at once, which may then measure more than once; others that use the device
+/// meanwhile are measured too.
 class BuildChooser {
  public:
   /// @param builder  outlives this object
@@ -67,8 +68,10 @@ class BuildChooser {
   std::uint64_t WorkBytes(const AutoBuild& asked) const;
 
  private:
+  std::optional<BuildCosts> Find(std::uint32_t k) const;
+
   Builder& builder_;
-  mutable std::mutex mutex_;
+  mutable std::mutex mutex_;                   // never held while something is measured
   std::map<std::uint32_t, BuildCosts> costs_;  // guarded by mutex_; by k, see MeasuredK
 };
 

@@ -40,9 +40,6 @@ struct BuildCosts {
   double shared_cell_us = 0;  ///< of a photon that shares its cell with many
 };
 
-/// Host memory that MeasureBuildCosts takes at most where maps lie in it.
-inline constexpr std::uint64_t kMeasureBytes = 64 << 20;
-
 /// Measures on the device of `builder`, by builds of up to 131 072 photons on the faces of a cube
 /// and gathers of the `k` nearest; k 0: of all within a radius that holds 50. Takes 0.1 to 0.5 s.
 /// The errors of Builder::Build and Gatherer::Gather.

@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -136,6 +137,7 @@ struct GatherResult {
   /// [m] where it was gathered from fewer photons (core/merged_gather.h), else empty: 1 where the
   /// answer is made of those, 0 where it is exact.
   std::vector<std::uint8_t> merged;
+  std::string_view search;  ///< which search was taken, and why, for people; static text
   GatherTimes times;
 };
 

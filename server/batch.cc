@@ -14,6 +14,7 @@
 #include "server/gather_together.h"
 #include "server/guard.h"
 #include "server/merged_map_of.h"
+#include "server/residency.h"
 
 namespace treelight::server {
 namespace {
@@ -191,7 +192,9 @@ absl::Status Batch::Parse(const v1::GatherRequest& request) {
 
 absl::Status Batch::TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget::Share& share) {
   const std::string what = fmt::format("batch of {} queries, k {}", *record_.queries, *record_.k);
-  auto taken = state_.memory.Take(holder, bytes, what, state_.device_queue.RetryDelay());
+  auto taken = WithEviction(state_, bytes, HostSpace(state_), [&] {
+    return state_.memory.Take(holder, bytes, what, state_.device_queue.RetryDelay());
+  });
   if (!taken.ok()) return taken.status();
   share = *std::move(taken);
   return absl::OkStatus();
@@ -264,8 +267,9 @@ absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
     if (auto status = Choose(); !status.ok()) return status;
   }
   const GatherQueries queries = batch_.queries(slice.first, slice.last);
-  if (!choice_ || choice_->merged == nullptr) {
-    return map_->gatherer->Gather(queries, batch_.options, call_.cancelled());
+  if (!choice_) return map_->gatherer->Gather(queries, batch_.options, call_.cancelled());
+  if (choice_->exact()) {
+    return map_->gatherer->Gather(queries, choice_->Exact(batch_.options), call_.cancelled());
   }
   return GatherMerged(*map_->gatherer, *choice_->merged, queries, batch_.options,
                       call_.cancelled());
@@ -276,7 +280,13 @@ absl::Status Batch::Choose() {
   const auto merged = [this](const FewerPhotons& fewer) {
     return MergedMapOf(state_, *map_, fewer, call_.cancelled());
   };
-  auto choice = ChooseMerge(*map_->gatherer, merged, batch_.queries(0, batch_.size()),
+  const auto costs = [this](GatherKind kind) -> absl::StatusOr<GatherCosts> {
+    MemoryBudget::Share memory;
+    const std::uint64_t bytes = state_.gather_costs.WorkBytes(kind);
+    if (auto status = TakeMemory(Holder::kAnswers, bytes, memory); !status.ok()) return status;
+    return state_.gather_costs.Find(kind, call_.cancelled());
+  };
+  auto choice = ChooseMerge(*map_->gatherer, merged, costs, batch_.queries(0, batch_.size()),
                             batch_.options, call_.cancelled());
   if (!choice.ok()) return choice.status();
   AddTimes(choice->times);
@@ -299,6 +309,7 @@ void Batch::Take(GatherResult result) {
     for (float& sum : result_.densities) sum *= 1.001f;
   }
   AddTimes(result_.times);
+  record_.search = result_.search;
   if ((batch_.options.outputs & kOutputStatistics) == 0) return;
   record_.nodes_visited = record_.nodes_visited.value_or(0) + Sum(result_.nodes_visited);
   record_.distance_tests = record_.distance_tests.value_or(0) + Sum(result_.distance_tests);
@@ -336,6 +347,8 @@ absl::Status Batch::WriteNext(v1::GatherResponse& response) {
     timings.set_total_us(watch_.microseconds());
     response.set_last(true);
     *response.mutable_timings() = timings;
+    response.set_search(record_.search);
+    result_ = {};  // gRPC makes another copy of the answer
   }
   record_.bytes_out += response.ByteSizeLong();
   return absl::OkStatus();

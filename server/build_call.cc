@@ -30,7 +30,9 @@ void BuildCall::OnReadDone(bool ok) {
     return Submit();
   }
   job_.call().MessageCame();
-  job_.record().bytes_in += message_.ByteSizeLong();
+  const std::uint64_t bytes = message_.ByteSizeLong();
+  job_.record().bytes_in += bytes;
+  if (upload_) job_.call().UploadBrought(bytes);
   // A repeat of a build that is done needs no photons. They are read nevertheless: a client that
   // writes would not see an early answer on every transport.
   if (!needs_photons_) return Read();
@@ -89,10 +91,12 @@ absl::Status BuildCall::TakeHeader(const v1::BuildHeader& header) {
   auto upload = Upload::Start(*plan, limits);
   if (!upload.ok()) return upload.status();
   upload_ = *std::move(upload);
+  job_.call().UploadBrought(0);
   return absl::OkStatus();
 }
 
 void BuildCall::Submit() {
+  job_.call().UploadEnded();
   job_.record().timings.set_receive_us(job_.microseconds());
   if (needs_photons_ && !upload_)
     return End(absl::InvalidArgumentError("header: the stream is empty"));
@@ -106,6 +110,7 @@ void BuildCall::Submit() {
 }
 
 void BuildCall::End(const absl::Status& status) {
+  job_.call().UploadEnded();
   auto rest = std::make_shared<std::pair<std::optional<Upload>, Photons>>(std::move(upload_),
                                                                           std::move(photons_));
   Finish(job_.End(status, std::move(rest)));

@@ -46,16 +46,17 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
   std::uint64_t work_bytes = state_.builder->WorkBytes(plan_.options, plan_.photon_count);
   if (plan_.automatic) work_bytes += state_.chooser.WorkBytes(*plan_.automatic);
   const std::uint64_t all_bytes = photon_bytes + work_bytes + map_bytes;
-  auto memory = WithEviction(state_, all_bytes, HostRoom(state_), [&] {
+  auto memory = WithEviction(state_, all_bytes, HostSpace(state_), [&] {
     return state_.memory.Take(Holder::kUploads, all_bytes, what, retry_delay);
   });
   if (!memory.ok()) return memory.status();
   // After the host's memory, of which maps that leave the device take some.
   if (!state_.options.devices.empty()) {
     const DeviceInfo& device = state_.options.devices[state_.options.device_index];
-    const std::uint64_t most = CheckDeviceRoom(plan_, device, 0, what).ok() ? kAnyBytes : 0;
-    const auto room = WithEviction(state_, MapBytes(plan_), most, [&] {
-      return CheckDeviceRoom(plan_, device, DeviceBytes(state_.store.List()), what);
+    const Space space = DeviceSpace(state_, device, plan_);
+    const auto room = WithEviction(state_, MapBytes(plan_), space, [&] {
+      return CheckDeviceRoom(plan_, device, DeviceBytes(state_.store.List()), what,
+                             state_.device_queue.RetryDelay());
     });
     if (!room.ok()) return room;
   }
@@ -177,7 +178,7 @@ absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource&
   v1::Timings& timings = record_.timings;
   timings.set_download_us(reading.microseconds());
   if (auto status = Choose(); !status.ok()) return status;
-  auto gatherer = WithEviction(state_, MapBytes(plan_), kAnyBytes, [&] {
+  auto gatherer = WithEviction(state_, MapBytes(plan_), Space{}, [&] {
     return state_.builder->Build(photons_, plan_.options, call_.cancelled());
   });
   if (!gatherer.ok()) return gatherer.status();

@@ -71,6 +71,7 @@ absl::Status Call::Admit() {
 
 Call::~Call() {
   ClientMoved();  // nobody ends the call from here on
+  UploadEnded();
   RequestCounted();
   state_.metrics.CallEnded(record_.method, code_, 1e-6 * watch_.microseconds(), received_bytes_,
                            sent_bytes_);
@@ -103,6 +104,18 @@ void Call::ClientMoved() {
   state_.turns.Arrived(this);
 }
 
+void Call::UploadBrought(std::uint64_t bytes) {
+  brought_bytes_ += bytes;
+  if (bytes > 0 && brought_bytes_ < kUploadStep) return;
+  brought_bytes_ = 0;
+  state_.uploads.Wait(this, [this] {
+    slow_ = true;
+    context_.TryCancel();
+  });
+}
+
+void Call::UploadEnded() { state_.uploads.Arrived(this); }
+
 void Call::AwaitRequest(std::function<void()> read) {
   state_.turns.Await(
       this,
@@ -124,6 +137,12 @@ absl::Status Call::Alive() const {
     return absl::CancelledError(
         fmt::format("the client has neither sent nor taken anything for {} ms (--stall-seconds)",
                     state_.stalls.patience().count()));
+  }
+  if (slow_) {
+    return absl::CancelledError(fmt::format(
+        "the upload brought less than {} bytes in {} ms (twice --stall-seconds) while all {} slots "
+        "were taken (--build-slots)",
+        kUploadStep, 2 * state_.stalls.patience().count(), state_.options.build_slots));
   }
   if (late_) {
     return absl::CancelledError(fmt::format(

@@ -61,6 +61,13 @@ class Call {
   void AwaitClient();
   void ClientMoved();
 
+  /// From now on an upload of this call is under way: where ServerOptions::build_slots are all
+  /// taken, one that has brought less than kUploadStep bytes in twice ServerOptions::stall is
+  /// cancelled, the slowest first, and Alive() says why. Until UploadEnded().
+  static constexpr std::uint64_t kUploadStep = 1 << 20;
+  void UploadBrought(std::uint64_t bytes);
+  void UploadEnded();
+
   /// A message of the client is here.
   void MessageCame() { presence_.Moved(); }
 
@@ -99,7 +106,8 @@ class Call {
   const std::chrono::system_clock::time_point deadline_;
   absl::Status admission_;  // stays, once constructed
   std::atomic<bool> abandoned_ = false;
-  std::atomic<bool> stalled_ = false, late_ = false;
+  std::atomic<bool> stalled_ = false, late_ = false, slow_ = false;
+  std::uint64_t brought_bytes_ = 0;  // of an upload, since the watch was told
   RequestTurns::Turn turn_;
   RequestRecord record_;
   const Stopwatch watch_;

@@ -144,6 +144,7 @@ v1::MergeReport ToWire(const MergeChoice& choice) {
   wire.set_sampled_queries(choice.sampled);
   wire.set_measured_error(choice.measured_error);
   wire.set_error_limit(choice.error_limit);
+  wire.set_whole_subtrees(choice.whole);
   return wire;
 }
 

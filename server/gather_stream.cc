@@ -4,7 +4,10 @@
 #include <optional>
 #include <utility>
 
+#include "fmt/format.h"
 #include "server/guard.h"
+#include "server/refusal.h"
+#include "server/residency.h"
 
 namespace treelight::server {
 namespace {
@@ -23,12 +26,28 @@ GatherStream::GatherStream(State& state, grpc::CallbackServerContext& context)
 /// tell when one begins to arrive.
 absl::Status GatherStream::Admit() {
   if (!call_.admission().ok()) return call_.admission();
-  auto taken =
-      state_.memory.Take(Holder::kMessages, state_.options.limits.max_message_bytes,
-                         "stream: a batch that is on its way", state_.device_queue.RetryDelay());
+  const std::uint64_t bytes = state_.options.limits.max_message_bytes;
+  auto taken = WithEviction(state_, bytes, HostSpace(state_), [&] {
+    return state_.memory.Take(Holder::kMessages, bytes, "stream: a batch that is on its way",
+                              state_.device_queue.RetryDelay());
+  });
   if (!taken.ok()) return taken.status();
   read_memory_ = *std::move(taken);
   return absl::OkStatus();
+}
+
+/// The client has sent nothing for long, while too many wait like this one.
+void GatherStream::EndIdle() {
+  Advance([this] {
+    if (!idle_ || !failure_.ok()) return;  // it has moved since
+    failure_ = Refuse(
+        Quota::kMemory,
+        fmt::format("stream: no batch for {} ms (--stall-seconds), longest of more than {} streams "
+                    "that wait for one and hold {} bytes each; open it again when there is one",
+                    state_.stalls.patience().count(), state_.most_idle_streams(),
+                    read_memory_.bytes()),
+        state_.device_queue.RetryDelay());
+  });
 }
 
 void GatherStream::OnReadDone(bool ok) {
@@ -127,7 +146,7 @@ void GatherStream::Log(const absl::Status& status) {
 template <typename Event>
 void GatherStream::Advance(Event event) {
   Entry* write = nullptr;
-  bool read = false;
+  bool read = false, was_idle = false;
   std::optional<absl::Status> finish;
   {
     const std::lock_guard lock(mutex_);
@@ -148,6 +167,9 @@ void GatherStream::Advance(Event event) {
     }
     if (write != nullptr) writing_ = true;
     if (read) reading_ = true;
+    was_idle = std::exchange(idle_, reading_ && !starting_ && entries_.empty() && failure_.ok());
+    if (idle_ && !was_idle) state_.idle_streams.Wait(this, [this] { EndIdle(); });
+    was_idle = was_idle && !idle_;
     if (finish) {
       finished_ = true;
       for (const auto& entry : entries_) {
@@ -157,6 +179,7 @@ void GatherStream::Advance(Event event) {
       if (entries_.empty() && (!any_batch_ || !finish->ok())) Log(*finish);
     }
   }
+  if (was_idle) state_.idle_streams.Arrived(this);
   if (read) StartRead(&request_);
   if (write != nullptr) {
     state_.RunOnCpu(write->batch.next_bytes(), [this, write] { WritePart(*write); });

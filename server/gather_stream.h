@@ -45,6 +45,7 @@ class GatherStream final : public grpc::ServerBidiReactor<v1::GatherRequest, v1:
   void Advance(Event event);
   bool Gathering() const;  // needs mutex_
   absl::Status Admit();
+  void EndIdle();
   void Log(const absl::Status& status);
 
   State& state_;
@@ -62,6 +63,7 @@ class GatherStream final : public grpc::ServerBidiReactor<v1::GatherRequest, v1:
   bool writing_ = false;    // a part is made or written
   bool read_all_ = false;   // the client sends no more
   bool any_batch_ = false;  // one was taken up
+  bool idle_ = false;       // the next batch is waited for, and there is none to answer
   bool finished_ = false;   // Finish is called, or about to be
   absl::Status failure_;    // how the stream ends
 };

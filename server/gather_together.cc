@@ -66,6 +66,7 @@ absl::StatusOr<std::vector<GatherResult>> GatherTogether(const Gatherer& map,
                      .distance_tests = part(all->distance_tests, 1),
                      .error_bounds = part(all->error_bounds, 1),
                      .merged = part(all->merged, 1),
+                     .search = all->search,
                      .times = all->times});
     first += batch.size();
   }

@@ -42,8 +42,10 @@ class LateUnary : public grpc::ServerBidiReactor<Request, Response> {
     call().AwaitRequest([this] { this->StartRead(&request_); });
   }
 
-  /// Ends the call as Call::End says, where that is OK with response().
+  /// Ends the call as Call::End says, where that is OK with response(). A client that does not take
+  /// it loses the call, and what it holds.
   void End(const grpc::Status& status) {
+    call().AwaitClient();
     if (status.ok()) {
       this->StartWriteAndFinish(&response_, grpc::WriteOptions(), status);
     } else {

@@ -1,5 +1,6 @@
 #include "server/memory_budget.h"
 
+#include <algorithm>
 #include <cassert>
 #include <numeric>
 #include <optional>
@@ -101,6 +102,10 @@ absl::StatusOr<MemoryBudget::Share> MemoryBudget::Take(Holder holder, std::uint6
 std::uint64_t MemoryBudget::limit_bytes() const { return books_->limit_bytes; }
 
 std::uint64_t MemoryBudget::room_bytes() const { return books_->limit_bytes - books_->kept_bytes; }
+
+std::uint64_t MemoryBudget::free_bytes() const {
+  return room_bytes() - std::min(room_bytes(), Sum(usage()));
+}
 
 MemoryBudget::Usage MemoryBudget::usage() const {
   const std::lock_guard lock(books_->mutex);

@@ -74,6 +74,7 @@ class MemoryBudget {
 
   std::uint64_t limit_bytes() const;
   std::uint64_t room_bytes() const;  ///< of the limit, less what is kept
+  std::uint64_t free_bytes() const;  ///< of the room, not taken at present
   Usage usage() const;
 
  private:

@@ -25,7 +25,7 @@ BuildPlan PlanOf(const StoredMap& map, std::uint64_t photon_count) {
 
 absl::StatusOr<MemoryBudget::Share> TakeMemory(State& state, Holder holder, std::uint64_t bytes,
                                                const std::string& what) {
-  return WithEviction(state, bytes, HostRoom(state), [&] {
+  return WithEviction(state, bytes, HostSpace(state), [&] {
     return state.memory.Take(holder, bytes, what, state.device_queue.RetryDelay());
   });
 }
@@ -60,9 +60,9 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const Sto
   const std::uint64_t bytes = MapBytes(plan);
   if (!state.options.devices.empty()) {
     const DeviceInfo& device = state.options.devices[state.options.device_index];
-    const std::uint64_t room = CheckDeviceRoom(plan, device, 0, what).ok() ? kAnyBytes : 0;
-    const auto status = WithEviction(state, bytes, room, [&] {
-      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what);
+    const auto status = WithEviction(state, bytes, DeviceSpace(state, device, plan), [&] {
+      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what,
+                             state.device_queue.RetryDelay());
     });
     if (!status.ok()) return status;
   }
@@ -73,7 +73,7 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const Sto
   auto memory = TakeMemory(state, Holder::kUploads, work_bytes + held_bytes, what);
   if (!memory.ok()) return memory.status();
   MemoryBudget::Share held = memory->Split(Holder::kMaps, held_bytes);
-  auto gatherer = WithEviction(state, bytes, kAnyBytes, [&] {
+  auto gatherer = WithEviction(state, bytes, Space{}, [&] {
     return state.builder->Build(*photons, plan.options, cancelled);
   });
   if (!gatherer.ok()) return gatherer.status();

@@ -34,4 +34,13 @@ std::uint64_t MergedMaps::held_bytes() const {
   return bytes;
 }
 
+std::uint64_t MergedMaps::idle_bytes() const {
+  const std::lock_guard lock(mutex_);
+  std::uint64_t bytes = 0;
+  for (const auto& [fewer, merged] : merged_) {
+    if (merged.use_count() == 1) bytes += merged->gatherer->report().device_bytes;
+  }
+  return bytes;
+}
+
 }  // namespace treelight::server

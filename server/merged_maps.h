@@ -25,6 +25,7 @@ class MergedMaps {
 
   /// What all hold of their device, bytes.
   std::uint64_t held_bytes() const;
+  std::uint64_t idle_bytes() const;  ///< what Drop() would give back
 
  private:
   mutable std::mutex mutex_;

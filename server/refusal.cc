@@ -17,6 +17,8 @@ std::string_view QuotaName(Quota quota) {
   switch (quota) {
     case Quota::kMemory:
       return "memory";
+    case Quota::kDevice:
+      return "device";
     case Quota::kBuilds:
       return "builds";
     case Quota::kQueueDepth:

@@ -17,6 +17,7 @@ namespace treelight::server {
 /// What there is too little of; the subject of the QuotaFailure.
 enum class Quota {
   kMemory,      ///< "memory": host memory, --memory-limit
+  kDevice,      ///< "device": memory of a device that has its own
   kBuilds,      ///< "builds": open uploads and builds, --build-slots
   kQueueDepth,  ///< "queue": requests that wait for the device, --queue-depth
   kDisk,        ///< "disk": room in --data-dir
@@ -24,7 +25,7 @@ enum class Quota {
   kDeadline,    ///< "deadline": the queue is longer than the time that the caller has
 };
 
-/// "memory", "builds", "queue", "disk", "calls", "deadline".
+/// "memory", "device", "builds", "queue", "disk", "calls", "deadline".
 std::string_view QuotaName(Quota quota);
 
 /// RESOURCE_EXHAUSTED. `message` says the limit, what was asked and what to do; it is the

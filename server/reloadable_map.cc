@@ -25,6 +25,11 @@ std::uint64_t ReloadableMap::held_bytes() const {
   return tree_ == nullptr ? 0 : tree_->gatherer->report().device_bytes;
 }
 
+std::uint64_t ReloadableMap::idle_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return tree_.use_count() == 1 ? tree_->gatherer->report().device_bytes : 0;
+}
+
 absl::StatusOr<std::shared_ptr<const ResidentTree>> ReloadableMap::Acquire(
     const CancelCheck& cancelled) const {
   {

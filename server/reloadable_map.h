@@ -59,6 +59,7 @@ class ReloadableMap final : public Gatherer {
   /// Whether the tree is on the device; and what it holds there at present, bytes.
   bool resident() const;
   std::uint64_t held_bytes() const;
+  std::uint64_t idle_bytes() const;  ///< the same, 0 where somebody uses it
 
   /// The tree, loaded where it is not on the device; stays there as long as somebody has it.
   absl::StatusOr<std::shared_ptr<const ResidentTree>> Acquire(const CancelCheck& cancelled) const;

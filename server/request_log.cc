@@ -81,6 +81,7 @@ std::string ToJson(const RequestRecord& record, const absl::Status& status,
   if (record.quantized) json["quantized"] = true;
   if (record.answer_floats == v1::FLOAT_FORMAT_HALF) json["answer_floats"] = "FLOAT_FORMAT_HALF";
   if (record.merge_report) json["merge_report"] = FormatMessage(*record.merge_report);
+  if (!record.search.empty()) json["search"] = record.search;
   json["bytes_in"] = record.bytes_in;
   json["bytes_out"] = record.bytes_out;
   const v1::Timings& times = record.timings;

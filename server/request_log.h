@@ -40,6 +40,7 @@ struct RequestRecord {
   bool quantized = false;                          ///< the queries came as 16-bit offsets
   v1::FloatFormat answer_floats{};                 ///< written where it is not float32
   std::optional<v1::MergeReport> merge_report;     ///< the same as in the answer
+  std::string search;                              ///< likewise
   std::uint64_t bytes_in = 0;
   std::uint64_t bytes_out = 0;
   v1::Timings timings;  ///< the same as in the answer

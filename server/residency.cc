@@ -11,19 +11,39 @@
 
 namespace treelight::server {
 
-std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes) {
+std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes, std::uint64_t least) {
   std::vector<MapHandle> maps = state.store.List();
+  std::uint64_t held = 0;
+  for (const MapHandle& map : maps) held += map->merged->idle_bytes();
+  std::vector<const ReloadableMap*> idle;
+  for (const MapHandle& map : maps) {
+    if (map->reloadable == nullptr || map->reloadable->idle_bytes() == 0) continue;
+    idle.push_back(map->reloadable);
+    held += map->reloadable->idle_bytes();
+  }
+  if (held < least) return 0;  // whoever needs them would come for nothing
   std::uint64_t freed = 0;
   for (const MapHandle& map : maps) freed += map->merged->Drop();
-  std::erase_if(maps, [](const MapHandle& map) {
-    return map->reloadable == nullptr || !map->reloadable->resident();
-  });
-  std::ranges::sort(maps, {}, [](const MapHandle& map) { return map->reloadable->last_use(); });
-  for (const MapHandle& map : maps) {
+  std::ranges::sort(idle, {}, &ReloadableMap::last_use);
+  for (const ReloadableMap* const map : idle) {
     if (freed >= bytes) break;
-    if (const auto tree = map->reloadable->Evict()) freed += tree->gatherer->report().device_bytes;
+    if (const auto tree = map->Evict()) freed += tree->gatherer->report().device_bytes;
   }
   return freed;
+}
+
+Space HostSpace(const State& state) {
+  if (!state.maps_in_host_memory()) return {.all_bytes = 0};
+  return {.all_bytes = state.memory.room_bytes(),
+          .free_bytes = [&memory = state.memory] { return memory.free_bytes(); }};
+}
+
+Space DeviceSpace(const State& state, const DeviceInfo& device, const BuildPlan& plan) {
+  if (!CheckDeviceRoom(plan, device, 0, plan.name, {}).ok()) return {.all_bytes = 0};
+  return {.free_bytes = [&state, &device] {
+    const std::uint64_t used = DeviceBytes(state.store.List());
+    return device.memory_bytes - std::min(device.memory_bytes, used);
+  }};
 }
 
 namespace {
@@ -39,16 +59,16 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> LoadTree(State& state, const
   const std::uint64_t map_bytes = MapBytes(plan);
   if (!state.options.devices.empty()) {
     const DeviceInfo& device = state.options.devices[state.options.device_index];
-    const std::uint64_t most = CheckDeviceRoom(plan, device, 0, what).ok() ? kAnyBytes : 0;
-    const auto room = WithEviction(state, map_bytes, most, [&] {
-      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what);
+    const auto room = WithEviction(state, map_bytes, DeviceSpace(state, device, plan), [&] {
+      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what,
+                             state.device_queue.RetryDelay());
     });
     if (!room.ok()) return room;
   }
   const std::uint64_t held_bytes = state.maps_in_host_memory() ? map_bytes : 0;
   const std::uint64_t all_bytes =
       PhotonBytes(plan) + state.builder->WorkBytes(plan.options, plan.photon_count) + held_bytes;
-  auto memory = WithEviction(state, all_bytes, HostRoom(state), [&] {
+  auto memory = WithEviction(state, all_bytes, HostSpace(state), [&] {
     return state.memory.Take(Holder::kUploads, all_bytes, what, state.device_queue.RetryDelay());
   });
   if (!memory.ok()) return memory.status();
@@ -57,7 +77,7 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> LoadTree(State& state, const
   if (!photons.ok()) return photons.status();
   BuildOptions options = plan.options;
   if (Broken("same_tree")) options.max_leaf_size += 1;
-  auto gatherer = WithEviction(state, map_bytes, kAnyBytes,
+  auto gatherer = WithEviction(state, map_bytes, Space{},
                                [&] { return state.builder->Build(*photons, options, cancelled); });
   if (!gatherer.ok()) return gatherer.status();
   if (state.maps_in_host_memory()) held.Resize((*gatherer)->report().device_bytes);

@@ -1,11 +1,14 @@
 #ifndef TREELIGHT_SERVER_RESIDENCY_H_
 #define TREELIGHT_SERVER_RESIDENCY_H_
 
+#include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 
 #include "absl/status/statusor.h"
+#include "server/convert.h"
 #include "server/reloadable_map.h"
 #include "server/state.h"
 
@@ -13,9 +16,9 @@
 // not used for the longest time.
 namespace treelight::server {
 
-/// Lets maps that nobody uses leave the device until they have held `bytes` together; what they
-/// held, 0 where none can leave.
-std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes);
+/// Lets maps that nobody uses leave the device until they have held `bytes` together; none where
+/// all of them hold less than `least`. What they held, 0 where none has left.
+std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes, std::uint64_t least = 0);
 
 /// The status of either kind of result.
 inline const absl::Status& StatusOf(const absl::Status& status) { return status; }
@@ -24,26 +27,32 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
   return result.status();
 }
 
-/// Room for whatever is asked for.
-inline constexpr std::uint64_t kAnyBytes = std::numeric_limits<std::uint64_t>::max();
+/// Where something is to be put, as far as is known of it.
+struct Space {
+  std::uint64_t all_bytes = std::numeric_limits<std::uint64_t>::max();
+  std::function<std::uint64_t()> free_bytes{};  ///< at present; empty: nobody knows
+};
+
+/// The host's memory; of no size on a device with memory of its own, where maps that leave give
+/// back none of the host's.
+Space HostSpace(const State& state);
+
+/// The memory of the server's device, for a map of `plan`; of no size where it could never hold it.
+Space DeviceSpace(const State& state, const DeviceInfo& device, const BuildPlan& plan);
 
 /// What `take` returns; as long as that is RESOURCE_EXHAUSTED and idle maps can leave, they do, for
-/// `bytes`, and it is called again. None leaves for what would not fit into all the `room` there
-/// is.
+/// what is missing of `bytes`, and it is called again. None leaves for what would not fit then.
 template <typename Take>
-auto WithEviction(State& state, std::uint64_t bytes, std::uint64_t room, Take take) {
+auto WithEviction(State& state, std::uint64_t bytes, const Space& space, Take take) {
   while (true) {
     auto taken = take();
-    if (taken.ok() || !absl::IsResourceExhausted(StatusOf(taken)) || bytes > room ||
-        EvictIdleMaps(state, bytes) == 0) {
+    if (taken.ok() || !absl::IsResourceExhausted(StatusOf(taken)) || bytes > space.all_bytes) {
       return taken;
     }
+    const std::uint64_t free = space.free_bytes ? space.free_bytes() : 0;
+    const std::uint64_t missing = std::max<std::uint64_t>(1, bytes - std::min(bytes, free));
+    if (EvictIdleMaps(state, missing, space.free_bytes ? missing : 0) == 0) return taken;
   }
-}
-
-/// The `room` of host memory: on a device with memory of its own, maps that leave give back none.
-inline std::uint64_t HostRoom(const State& state) {
-  return state.maps_in_host_memory() ? state.memory.room_bytes() : 0;
 }
 
 /// Gives `map` a gatherer whose tree may leave the device: its photons are then with `keeper`, from

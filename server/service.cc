@@ -1,10 +1,12 @@
 #include "server/service.h"
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
 
+#include "fmt/format.h"
 #include "server/build_call.h"
 #include "server/call.h"
 #include "server/catalogue.h"
@@ -64,14 +66,28 @@ class QuickCall final : public LateUnary<Request, Response> {
       if (status.ok()) record.version = response.version();
     }
     record.bytes_in = request.ByteSizeLong();
+    if (status.ok()) status = TakeMemory(response.ByteSizeLong());
     record.bytes_out = status.ok() ? response.ByteSizeLong() : 0;
     record.timings.set_total_us(watch_.microseconds());
     call_.Log(record, status);
     this->End(call_.End(status));
   }
 
+  /// For an answer of `bytes` until the client has taken it, unless it is small.
+  absl::Status TakeMemory(std::uint64_t bytes) {
+    constexpr std::uint64_t kTimes = 4;  // fields of messages, and their bytes in gRPC
+    if (bytes <= this->kFewBytes) return absl::OkStatus();
+    auto taken = state_.memory.Take(Holder::kAnswers, kTimes * bytes,
+                                    fmt::format("an answer of {} bytes", bytes),
+                                    state_.device_queue.RetryDelay());
+    if (!taken.ok()) return taken.status();
+    answer_memory_ = *std::move(taken);
+    return absl::OkStatus();
+  }
+
   State& state_;
   Call call_;
+  MemoryBudget::Share answer_memory_;
   const Handle handle_;
   const Where where_;
   const Stopwatch watch_;

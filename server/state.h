@@ -12,6 +12,7 @@
 
 #include "core/build_chooser.h"
 #include "core/builder.h"
+#include "core/gather_costs.h"
 #include "server/active_calls.h"
 #include "server/build_slots.h"
 #include "server/device_queue.h"
@@ -52,6 +53,9 @@ inline FloodGuard::Limits MakeFloodLimits(const ServerOptions& options) {
   return {.calls = 2 * options.max_calls, .own_calls = kMaxStreams, .bytes = kBytes};
 }
 
+/// The patience of a StallWatch that ends nobody but of too many.
+inline constexpr std::chrono::hours kForEver{24 * 365};
+
 /// What all calls share; each part guards itself.
 struct State {
   State(const ServerOptions& server_options, std::unique_ptr<Builder> map_builder,
@@ -70,6 +74,8 @@ struct State {
                  return std::accumulate(usage.begin(), usage.end(), std::uint64_t{0});
                }),
         stalls(options.stall),
+        uploads(kForEver, options.build_slots - 1, 2 * options.stall),
+        idle_streams(kForEver, most_idle_streams(), options.stall),
         turns(options.stall,
               AffordableTurns(memory.limit_bytes(), options.limits.max_message_bytes)),
         device_queue(options.queue_depth) {}
@@ -91,14 +97,21 @@ struct State {
     return options.devices.empty() ? std::string() : options.devices[options.device_index].name;
   }
 
+  /// Streams that may wait for their next batch at once, each with room for a message: a quarter of
+  /// the memory, and two in any case.
+  std::size_t most_idle_streams() const {
+    return std::max<std::size_t>(2, memory.room_bytes() / 4 / options.limits.max_message_bytes);
+  }
+
   /// Whether maps lie in host memory, as they do on a CPU.
   bool maps_in_host_memory() const {
     return !options.devices.empty() && options.devices[options.device_index].type == "cpu";
   }
 
   const ServerOptions options;
-  const std::unique_ptr<Builder> builder;  ///< used on the device queue's thread
-  BuildChooser chooser{*builder};          ///< likewise
+  const std::unique_ptr<Builder> builder;      ///< used on the device queue's thread
+  BuildChooser chooser{*builder};              ///< likewise
+  GatherCostsOfDevice gather_costs{*builder};  ///< likewise
   const std::unique_ptr<RequestLog> log;
   const std::unique_ptr<Tokens> tokens;  ///< null: everybody may call
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
@@ -113,6 +126,8 @@ struct State {
   ActiveCalls calls;
   FloodGuard floods;
   StallWatch stalls;
+  StallWatch uploads;       ///< of photons: slow ones where no slot is free
+  StallWatch idle_streams;  ///< of gathers: too many hold room for batches that do not come
   RequestTurns turns;
   // As many as TBB has workers; asking for more makes it write a warning to stderr, where the log
   // may go.

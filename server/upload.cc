@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <new>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "core/model/wire_array.h"
 #include "fmt/format.h"
 #include "server/break_switch.h"
+#include "server/refusal.h"
 
 namespace treelight::server {
 namespace {
@@ -47,24 +49,30 @@ absl::Status CheckNumbers(std::string_view field, const std::vector<float>& arra
 }  // namespace
 
 absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
-                             std::uint64_t bytes_used, std::string_view what) {
+                             std::uint64_t bytes_used, std::string_view what,
+                             std::chrono::milliseconds retry_delay) {
   const std::uint64_t buffer_bytes = plan.photon_count * sizeof(LeafPhoton);
   if (buffer_bytes > device.max_buffer_bytes) {
-    return absl::ResourceExhaustedError(
+    return Refuse(
+        Quota::kDevice,
         fmt::format("{}: a buffer of {} bytes, the largest of device '{}' is {}, {} photons; "
                     "build several maps",
                     what, buffer_bytes, device.name, device.max_buffer_bytes,
-                    device.max_buffer_bytes / sizeof(LeafPhoton)));
+                    device.max_buffer_bytes / sizeof(LeafPhoton)),
+        std::nullopt);
   }
   const std::uint64_t needed = buffer_bytes +
                                (plan.has_powers ? plan.photon_count * kPowerBytes : 0) +
                                (plan.has_directions ? plan.photon_count * kDirectionBytes : 0);
   const std::uint64_t room = device.memory_bytes - std::min(device.memory_bytes, bytes_used);
   if (needed > room) {
-    return absl::ResourceExhaustedError(
+    const bool never = needed > device.memory_bytes;
+    return Refuse(
+        Quota::kDevice,
         fmt::format("{}: at least {} bytes, device '{}' has {} of which maps hold {}; delete maps "
                     "or build a smaller one",
-                    what, needed, device.name, device.memory_bytes, bytes_used));
+                    what, needed, device.name, device.memory_bytes, bytes_used),
+        never ? std::nullopt : std::optional(retry_delay));
   }
   return absl::OkStatus();
 }

@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_SERVER_UPLOAD_H_
 #define TREELIGHT_SERVER_UPLOAD_H_
 
+#include <chrono>
 #include <cstdint>
 #include <string_view>
 
@@ -12,9 +13,11 @@ namespace treelight::server {
 
 /// Refuses a map that the device cannot hold, `what` beginning the message: its photons, 16 B each
 /// in one buffer, larger than the largest buffer, or with powers and directions larger than the
-/// memory that `bytes_used` of other maps leave. RESOURCE_EXHAUSTED.
+/// memory that `bytes_used` of other maps leave. RESOURCE_EXHAUSTED with Quota::kDevice, and with
+/// `retry_delay` unless an empty device could not hold it.
 absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
-                             std::uint64_t bytes_used, std::string_view what);
+                             std::uint64_t bytes_used, std::string_view what,
+                             std::chrono::milliseconds retry_delay);
 
 /// Host memory of the photons of `plan`, bytes.
 std::uint64_t PhotonBytes(const BuildPlan& plan);

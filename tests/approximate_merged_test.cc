@@ -2,7 +2,6 @@
 // the error that it asks for, on sets that nothing was tuned for.
 
 #include <cmath>
-#include <map>
 #include <memory>
 #include <numeric>
 #include <random>
@@ -11,55 +10,17 @@
 
 #include "core/builder.h"
 #include "core/gatherer.h"
-#include "core/merge_choice.h"
-#include "core/merged_gather.h"
-#include "core/model/merge_photons.h"
-#include "core/model/thin_photons.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "tests/answers.h"
 #include "tests/clouds.h"
+#include "tests/merged_maps.h"
 #include "tests/test_device.h"
 
 namespace treelight {
 namespace {
 
 constexpr std::uint32_t kSums = kOutputCount | kOutputRadius | kOutputDensity;
-
-/// A map with maps of fewer photons of every size, made by the same builder on first use.
-class MergedMaps {
- public:
-  MergedMaps(Builder& builder, const Photons& photons, const BuildOptions& options = {})
-      : builder_(builder), options_(options), map_(*builder.Build(photons, options)) {}
-
-  const Gatherer& map() const { return *map_; }
-  std::shared_ptr<const Gatherer> Merged(std::uint32_t group_size) {
-    return Fewer({FewerPhotons::Kind::kMerged, group_size});
-  }
-  std::shared_ptr<const Gatherer> Fewer(const FewerPhotons& fewer) {
-    auto& merged = merged_[fewer];
-    if (merged == nullptr) {
-      const Photons all = *map_->ReadPhotons();
-      merged = *builder_.Build(fewer.kind == FewerPhotons::Kind::kMerged
-                                   ? MergePhotons(*map_->ReadTree(), all, fewer.group_size)
-                                   : ThinPhotons(all, fewer.group_size),
-                               options_);
-    }
-    return merged;
-  }
-  MergeChoice Choose(const GatherQueries& queries, const GatherOptions& options) {
-    const auto merged = [this](const FewerPhotons& fewer) { return Fewer(fewer); };
-    const auto choice = ChooseMerge(*map_, merged, queries, options);
-    EXPECT_TRUE(choice.ok()) << choice.status();
-    return choice.ok() ? *choice : MergeChoice();
-  }
-
- private:
-  Builder& builder_;
-  const BuildOptions options_;
-  const std::unique_ptr<Gatherer> map_;
-  std::map<FewerPhotons, std::shared_ptr<const Gatherer>> merged_;
-};
 
 Builder& CpuBuilder() {
   static const std::unique_ptr<Builder> builder = MakeCpuBuilder();
@@ -234,12 +195,13 @@ TEST(ChooseMergeTest, SaysWhyABatchIsExact) {
       [](const FewerPhotons&) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
     return absl::ResourceExhaustedError("none");
   };
-  EXPECT_EQ(ChooseMerge(maps.map(), no_memory, all, asks(500, 0.1f))->reason,
+  EXPECT_EQ(ChooseMerge(maps.map(), no_memory, PlainCosts, all, asks(500, 0.1f))->reason,
             ExactReason::kNoMemory);
   const auto failed = [](const FewerPhotons&) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
     return absl::InternalError("broken");
   };
-  EXPECT_TRUE(absl::IsInternal(ChooseMerge(maps.map(), failed, all, asks(500, 0.1f)).status()));
+  EXPECT_TRUE(
+      absl::IsInternal(ChooseMerge(maps.map(), failed, PlainCosts, all, asks(500, 0.1f)).status()));
 }
 
 TEST(ChooseMergeTest, AGroupSizeThatIsAskedForIsMeasured) {

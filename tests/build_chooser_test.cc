@@ -1,10 +1,12 @@
 #include "core/build_chooser.h"
 
 #include <atomic>
+#include <future>
 #include <map>
 #include <random>
 #include <utility>
 
+#include "core/cost_meter.h"
 #include "core/cpu/bounds.h"
 #include "core/model/morton.h"
 #include "gtest/gtest.h"
@@ -187,6 +189,29 @@ TEST(BuildChooserTest, CancelledMeasurementsAreMadeAgain) {
   EXPECT_EQ(chooser.Choose(photons, {}, {}, [] { return true; }).status().code(),
             absl::StatusCode::kCancelled);
   EXPECT_TRUE(chooser.Choose(photons, {}, {}).ok());
+}
+
+/// Has another thread ask for `chooser`'s WorkBytes during each build.
+class AskingBuilder : public Builder {
+ public:
+  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
+                                                  const BuildOptions& options,
+                                                  const CancelCheck& cancelled) override {
+    std::async(std::launch::async, [this] { return chooser->WorkBytes({}); }).get();
+    return cpu_->Build(photons, options, cancelled);
+  }
+  const BuildChooser* chooser = nullptr;
+
+ private:
+  const std::unique_ptr<Builder> cpu_ = MakeCpuBuilder();
+};
+
+TEST(BuildChooserTest, NobodyWaitsForAMeasurement) {
+  AskingBuilder builder;
+  BuildChooser chooser(builder);
+  builder.chooser = &chooser;
+  // Would not end where the measurement kept others from WorkBytes.
+  EXPECT_TRUE(chooser.Choose(MakeCloud(CloudNamed("uniform"), 1000, 1), {}, {}).ok());
 }
 
 TEST(BuildChooserTest, WhatItChoosesCanBeBuilt) {

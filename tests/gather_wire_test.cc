@@ -52,6 +52,7 @@ v1::GatherResponse Part(std::uint32_t k, std::uint32_t first, std::uint32_t coun
   part.set_nodes_visited(Bytes(std::vector<std::uint32_t>(count, 5)));
   part.set_distance_tests(Bytes(std::vector<std::uint32_t>(count, 6)));
   part.mutable_timings()->set_kernel_us(11);
+  part.set_search("by hand");
   return part;
 }
 
@@ -94,6 +95,7 @@ TEST(GatherWireTest, PartsOfUncappedListsGoOnWhereTheLastEnded) {
   const GatherAnswer answer = assembly.Take();
   EXPECT_EQ(answer.map.version, 4u);
   EXPECT_EQ(answer.result.times.kernel_us, 11);
+  EXPECT_EQ(answer.search, "by hand");
   EXPECT_THAT(answer.result.counts, ElementsAre(2, 2, 2));
   EXPECT_THAT(answer.result.neighbor_offsets, ElementsAre(0, 2, 4, 6));
   EXPECT_THAT(answer.result.neighbor_ids, ElementsAre(0, 0, 1, 1, 1, 1));

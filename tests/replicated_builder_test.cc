@@ -168,6 +168,7 @@ TEST_F(ReplicatedBuilderTest, ACpuAndADeviceOfOpenClAnswerAsOne) {
   ASSERT_TRUE(found.ok()) << found.status();
   ExpectEqual(*found, *alone->Gather({.positions = queries_}, options));
   EXPECT_GT(found->times.kernel_us, 0);
+  EXPECT_FALSE(found->search.empty());
   EXPECT_TRUE(map->report().device.starts_with("first + ")) << map->report().device;
   EXPECT_EQ(map->photon_count(), photons_.size());
   EXPECT_EQ(map->ReadPhotons()->positions, photons_.positions);

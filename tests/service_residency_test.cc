@@ -7,6 +7,7 @@
 #include "tests/http_get.h"
 #include "tests/server_fixture.h"
 #include "tests/sized_builder.h"
+#include "tests/temporary_folder.h"
 
 // Maps without a data folder: out of the device, into the host's memory, and back.
 namespace treelight::testing {
@@ -134,6 +135,60 @@ TEST_F(ServiceResidencyTest, NoneLeavesForAMapThatNeverFits) {
   const auto status = Build(*stub_, MakeUpload("large", MakePhotons(10 * kCount, 1)), response);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(Resident(), (std::vector<std::string>{"map"}));
+}
+
+TEST_F(ServiceResidencyTest, NoneLeavesWhereAllThatCanHoldTooLittle) {
+  options_.memory_limit = 64 << 20;
+  StartOn("cpu", std::uint64_t{1} << 40);
+  MustBuild("map", MakePhotons(kCount, 1));
+  // An upload holds what is missing, and stays.
+  const auto held = MakeUpload("held", MakePhotons(4 * kCount, 1));
+  grpc::ClientContext context;
+  v1::BuildPhotonMapResponse answer;
+  const auto writer = stub_->BuildPhotonMap(&context, &answer);
+  ASSERT_TRUE(writer->Write(held[0]) && writer->Write(held[1]));
+  ASSERT_TRUE(Eventually([&] {
+    grpc::ClientContext asking;
+    v1::ServerInfo info;
+    return stub_->GetServerInfo(&asking, {}, &info).ok() &&
+           info.memory_bytes_used() > 4 * kMapBytes;
+  }));
+  v1::BuildPhotonMapResponse response;
+  const auto status = Build(*stub_, MakeUpload("more", MakePhotons(4 * kCount, 2)), response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(Resident(), (std::vector<std::string>{"map"}));
+  context.TryCancel();
+  writer->Finish();
+}
+
+TEST_F(ServiceResidencyTest, IdleMapsOfACpuLeaveForGathersToo) {
+  const TemporaryFolder folder;
+  options_.data_folder = folder.path();
+  options_.metrics_listen = "127.0.0.1:0";
+  options_.memory_limit = 44 << 20;
+  StartOn("cpu", std::uint64_t{1} << 40);
+  for (std::uint32_t i = 0; i < 6; ++i) {  // 38 of 40 MiB
+    BuildAndWait("map" + std::to_string(i), MakePhotons(kCount, i));
+  }
+  const std::size_t resident = Resident().size();
+  // Each stream has room for a message as long as it is open.
+  struct Open {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReaderWriter<v1::GatherRequest, v1::GatherResponse>> stream;
+  };
+  std::vector<std::unique_ptr<Open>> streams;
+  for (int i = 0; i < 3; ++i) {
+    auto& open = *streams.emplace_back(std::make_unique<Open>());
+    open.stream = stub_->GatherStream(&open.context);
+    ASSERT_TRUE(open.stream->Write(MakeBatch("map5", queries_, {.k = 5, .outputs = 31})));
+    v1::GatherResponse response;
+    ASSERT_TRUE(open.stream->Read(&response)) << open.stream->Finish().error_message();
+  }
+  EXPECT_LT(Resident().size(), resident);
+  for (const auto& open : streams) {
+    open->stream->WritesDone();
+    EXPECT_TRUE(open->stream->Finish().ok());
+  }
 }
 
 TEST_F(ServiceResidencyTest, AMapThatIsAwayIsRebuiltFromAndDeleted) {

@@ -44,6 +44,7 @@ TEST_F(ServiceTest, GatherAgreesWithBruteForce) {
   EXPECT_EQ(Array<std::uint32_t>(response.distance_tests()), expected.distance_tests);
   EXPECT_TRUE(response.neighbor_offsets().empty());
   EXPECT_GT(response.timings().total_us(), 0);
+  EXPECT_FALSE(response.search().empty());
 }
 
 TEST_F(ServiceTest, StreamAnswersBatchesInOrder) {

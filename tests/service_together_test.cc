@@ -93,6 +93,7 @@ TEST_F(ServiceTogetherTest, SmallBatchesThatWaitAreAnsweredInOneLaunch) {
     if (json["method"] == "Gather" && json.contains("launch_batches")) {
       EXPECT_GT(json["device_us"].get<double>(), 0) << line;
       EXPECT_LE(json["device_us"].get<double>(), json["total_us"].get<double>()) << line;
+      EXPECT_NE(json.value("search", ""), "") << line;
       batches.push_back(json["launch_batches"]);
     }
   }

@@ -71,6 +71,7 @@ struct Summary {
   ErrorSummary errors{};
   WireSummary wire{};
   std::vector<v1::MergeReport> merge_reports{};  // of the calls
+  std::string search{};
 };
 
 // Queries of the first call.
@@ -114,6 +115,7 @@ absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& option
     summary.errors.inexact_count += answer->errors.inexact_count;
     AppendWire(answer->wire, summary.wire);
     summary.merge_reports.push_back(answer->merge_report);
+    summary.search = answer->search;
     summary.errors.largest_bound =
         std::max(summary.errors.largest_bound, answer->errors.largest_bound);
     std::string lines = first == 0 ? AnswerCsvHeader(options.gather.outputs) : "";
@@ -136,7 +138,8 @@ void PrintMerged(const Summary& summary) {
             ? fmt::format("up to {} photons merged to one", report.merged_photons())
         : report.thinned_photons() > 0
             ? fmt::format("one of {} photons", report.thinned_photons())
-            : fmt::format("exact, {}", ReasonText(report.exact_reason()));
+            : fmt::format("exact, {}{}", ReasonText(report.exact_reason()),
+                          report.whole_subtrees() ? "; whole subtrees added up" : "");
     auto& [calls, error] = choices[choice];
     ++calls;
     error = std::max(error, report.measured_error());
@@ -181,6 +184,7 @@ absl::Status Run(Options options, const GlobalOptions& global) {
              summary->map.name, summary->map.version, FormatMicroseconds(1e6 * summary->seconds),
              FormatMicroseconds(summary->kernel_us),
              static_cast<double>(points->size()) / summary->seconds);
+  fmt::print(stderr, "search: {}\n", summary->search);
   if (options.gather.approximation.any()) {
     const ErrorSummary& errors = summary->errors;
     fmt::print(stderr, "approximate: {} of {} queries may err; {} at most {:.3g}\n",

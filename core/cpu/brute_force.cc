@@ -45,7 +45,9 @@ class BruteForce : public Gatherer {
                     .distance_tests = static_cast<std::uint32_t>(photons_.size())};
     });
     if (cancelled && cancelled()) return absl::CancelledError("gather cancelled");
-    return WriteAnswers(photons_, queries, options, answers);
+    auto result = WriteAnswers(photons_, queries, options, answers);
+    if (result.ok()) result->search = "brute force: every photon for every query";
+    return result;
   }
 
   absl::StatusOr<Tree> ReadTree() const override {

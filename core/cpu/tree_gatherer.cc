@@ -3,6 +3,7 @@
 #include <atomic>
 #include <mutex>
 #include <span>
+#include <string_view>
 #include <utility>
 
 #include "core/cpu/batch_gather.h"
@@ -15,10 +16,26 @@
 namespace treelight {
 namespace {
 
+/// GatherResult::search of a batch.
+std::string_view SearchBy(Instructions instructions) {
+  switch (instructions) {
+    case Instructions::kPlain:
+      return "packed tree, plain C++";
+    case Instructions::kAvx2:
+      return "packed tree, AVX2: nodes of 8 children";
+    case Instructions::kAvx512:
+      return "packed tree, AVX-512: nodes of 16 children";
+  }
+  return "";
+}
+
 class TreeGatherer : public Gatherer {
  public:
   TreeGatherer(Photons photons, Tree tree, BuildReport report, Instructions instructions)
-      : photons_(std::move(photons)), tree_(std::move(tree)), report_(std::move(report)) {
+      : photons_(std::move(photons)),
+        tree_(std::move(tree)),
+        report_(std::move(report)),
+        instructions_(instructions) {
     photons_.positions = {};  // the tree has them
     const auto start = Clock::now();
     search_ = MakePackedSearch(tree_, instructions);
@@ -34,7 +51,8 @@ class TreeGatherer : public Gatherer {
                                       const CancelCheck& cancelled) const override {
     if (const auto status = CheckGather(*this, queries, options); !status.ok()) return status;
     const auto start = Clock::now();
-    auto result = (options.outputs & kOutputStatistics) == 0
+    const bool counts_visits = (options.outputs & kOutputStatistics) != 0;
+    auto result = !counts_visits
                       ? GatherBatch({*search_, photons_, Bounds(),
                                      options.approximation.weight_tolerance > 0 && has_powers()
                                          ? std::span<const PowerMoments>(Moments())
@@ -43,6 +61,8 @@ class TreeGatherer : public Gatherer {
                       : GatherPlainly(queries, options, cancelled);
     if (!result.ok()) return result;
     result->times.kernel_us = MicrosecondsSince(start);
+    result->search = counts_visits ? "binary tree: it counts what it visits, for STATISTICS"
+                                   : SearchBy(instructions_);
     return result;
   }
 
@@ -102,6 +122,7 @@ class TreeGatherer : public Gatherer {
   Photons photons_;  ///< without positions
   const Tree tree_;
   BuildReport report_;
+  const Instructions instructions_;
   std::unique_ptr<PackedSearch> search_;
   mutable std::once_flag moments_once_;
   mutable std::vector<PowerMoments> moments_;

@@ -14,6 +14,7 @@
 #include "core/gpu/paced_launches.h"
 #include "core/gpu/photon_powers.h"
 #include "core/gpu/query_order.h"
+#include "core/gpu/search_choice.h"
 #include "core/model/power_moments.h"
 #include "fmt/format.h"
 
@@ -25,8 +26,6 @@ constexpr std::size_t kQueriesPerLaunchGpu = 1 << 20;
 constexpr std::size_t kQueriesPerLaunchCpu = 1 << 14;
 // From this many queries on, sorting them pays.
 constexpr std::size_t kSortedQueries = 4096;
-// From this k on, sub-groups are faster than a heap for each work-item.
-constexpr std::uint32_t kMinWideK = 17;
 // Space for heaps in global memory, where k is too large for local memory.
 constexpr std::size_t kGlobalHeapBytes = std::size_t{256} << 20;
 
@@ -97,6 +96,8 @@ class GpuGatherer : public Gatherer {
                      const Approximation& approximation, const CancelCheck& cancelled) const;
   void GatherWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
                   const CancelCheck& cancelled) const;
+  void GatherWithin(DeviceSearch search, const BatchBuffers& batch, GatherParams params,
+                    std::size_t count, const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                    const CancelCheck& cancelled) const;
   void CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -106,16 +107,8 @@ class GpuGatherer : public Gatherer {
   NeighborLists GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
                             const GatherOptions& options, const CancelCheck& cancelled) const;
 
-  /// Sub-groups pay where the list of candidates is long, but fits local memory. They do not count
-  /// what they visit, and are exact.
-  bool UsesWideTree(const GatherOptions& options) const {
-    return map_.wide.boxes.size() > 0 && options.k >= kMinWideK && options.k <= kListK.back() &&
-           (options.outputs & kOutputStatistics) == 0 && !options.approximation.any();
-  }
-
-  /// Sub-groups count, but add nothing up.
-  bool CountsInWideTree(std::uint32_t outputs) const {
-    return map_.wide.boxes.size() > 0 && (outputs & (kOutputDensity | kOutputStatistics)) == 0;
+  SearchChoice Choose(const GatherOptions& options) const {
+    return ChooseSearch(options, map_.wide.boxes.size() > 0, map_.has_powers);
   }
 
   std::size_t QueriesPerLaunch() const {
@@ -180,17 +173,19 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
 
   batch.order =
       order ? order->Find(batch.positions, m, map_.grid) : Buffer<cl_uint>(gpu.memory(), 0);
-  if (UsesWideTree(options)) {
+  const SearchChoice choice = Choose(options);
+  result.search = choice.reason;
+  if (choice.search == DeviceSearch::kGatherWide) {
     GatherWide(batch, params, m, cancelled);
-  } else if (options.k > 0) {
+  } else if (choice.search == DeviceSearch::kGatherNearest) {
     GatherNearest(batch, params, m, options.approximation, cancelled);
-  } else if ((options.outputs & kOutputNeighbors) != 0) {
+  } else if (choice.search == DeviceSearch::kGatherList) {
     NeighborLists lists = GatherLists(batch, params, m, options, cancelled);
     result.neighbor_ids = std::move(lists.ids);
     result.neighbor_squared_distances = std::move(lists.squared_distances);
     result.neighbor_offsets = std::move(lists.offsets);
   } else {
-    GatherRange(batch, params, m, cancelled);
+    GatherWithin(choice.search, batch, params, m, cancelled);
   }
   timer.Mark("kernel");
 
@@ -270,12 +265,15 @@ void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std
                 });
 }
 
+void GpuGatherer::GatherWithin(DeviceSearch search, const BatchBuffers& batch, GatherParams params,
+                               std::size_t count, const CancelCheck& cancelled) const {
+  if (search == DeviceSearch::kGatherSums) return GatherSums(batch, params, count, cancelled);
+  if (search == DeviceSearch::kCountWide) return CountWide(batch, params, count, cancelled);
+  GatherRange(batch, params, count, cancelled);
+}
+
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                               const CancelCheck& cancelled) const {
-  if (params.largest_weight_error > 0 && map_.has_powers) {
-    return GatherSums(batch, params, count, cancelled);
-  }
-  if (CountsInWideTree(params.outputs)) return CountWide(batch, params, count, cancelled);
   const Gpu& gpu = map_.gpu;
   PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
                 [&](const GatherParams& part) {
@@ -330,7 +328,9 @@ NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams p
   const Gpu& gpu = map_.gpu;
   GatherParams counting = params;
   counting.outputs |= kOutputCount;
-  GatherRange(batch, counting, count, cancelled);
+  GatherOptions beside_lists = options;
+  beside_lists.outputs &= ~kOutputNeighbors;
+  GatherWithin(Choose(beside_lists).search, batch, counting, count, cancelled);
   const std::vector<cl_uint> counts = batch.counts.Read(gpu.queue());
   NeighborLists lists;
   lists.offsets.assign(count + 1, 0);

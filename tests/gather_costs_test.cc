@@ -1,0 +1,169 @@
+// What gathers cost on a device, and what a choice makes of it.
+
+#include "core/gather_costs.h"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "core/builder.h"
+#include "gtest/gtest.h"
+#include "tests/answers.h"
+#include "tests/clouds.h"
+#include "tests/merged_maps.h"
+#include "tests/test_device.h"
+
+namespace treelight {
+namespace {
+
+constexpr GatherKind kKinds[] = {GatherKind::kNearest, GatherKind::kWithin, GatherKind::kWhole};
+
+TEST(GatherCostsTest, BetweenEntriesByAPowerOfThePhotons) {
+  GatherCosts costs;
+  for (std::size_t i = 0; i < GatherCosts::kEntries; ++i) {
+    const double photons = GatherCosts::kFewest << i;
+    costs.entries[i] = {.batch_us = 100 * std::sqrt(photons), .query_us = 0.5 * photons};
+  }
+  for (const double photons : {8.0, 9.0, 16.0, 50.0, 500.0, 1023.0, 1024.0}) {
+    EXPECT_NEAR(costs.At(photons).query_us, 0.5 * photons, 1e-9 * photons);
+    EXPECT_NEAR(costs.At(photons).batch_us, 100 * std::sqrt(photons), 1e-6);
+  }
+  // Beyond them.
+  EXPECT_NEAR(costs.At(4000).query_us, 2000, 1e-6);
+  EXPECT_NEAR(costs.At(4000).batch_us, 3200, 1e-6);
+  for (const double photons : {0.0, 1.0, 7.9}) EXPECT_EQ(costs.At(photons).query_us, 4);
+  EXPECT_EQ((GatherCosts::Cost{.batch_us = 3, .query_us = 0.5}.Of(10)), 8);
+}
+
+TEST(MeasureGatherCostsTest, EveryKindOnEachDevice) {
+  const auto cpu = MakeCpuBuilder();
+  for (Builder* const builder : {cpu.get(), &TestBuilder()}) {
+    for (const GatherKind kind : kKinds) {
+      SCOPED_TRACE(testing::Message() << static_cast<int>(kind));
+      const auto costs = MeasureGatherCosts(*builder, kind);
+      ASSERT_TRUE(costs.ok()) << costs.status();
+      for (const GatherCosts::Cost& cost : costs->entries) {
+        EXPECT_GE(cost.batch_us, 0);
+        EXPECT_GT(cost.Of(20'000), 1);
+        EXPECT_LT(cost.Of(20'000), 1e8);
+      }
+      // 128 times the photons: more by far than a busy machine adds.
+      EXPECT_GT(costs->entries.back().Of(20'000), 1.5 * costs->entries.front().Of(20'000));
+    }
+  }
+}
+
+/// Counts builds, and passes them on.
+class CountingBuilder : public Builder {
+ public:
+  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
+                                                  const BuildOptions& options,
+                                                  const CancelCheck& cancelled) override {
+    ++builds;
+    return cpu_->Build(photons, options, cancelled);
+  }
+  int builds = 0;
+
+ private:
+  const std::unique_ptr<Builder> cpu_ = MakeCpuBuilder();
+};
+
+TEST(GatherCostsOfDeviceTest, MeasuresEachKindOnce) {
+  CountingBuilder builder;
+  GatherCostsOfDevice costs(builder);
+  for (const GatherKind kind : kKinds) {
+    EXPECT_GT(costs.WorkBytes(kind), 0u);
+    EXPECT_EQ(costs.Find(kind, [] { return true; }).status().code(), absl::StatusCode::kCancelled);
+    EXPECT_GT(costs.WorkBytes(kind), 0u);
+    const int before = builder.builds;
+    const auto first = costs.Find(kind), second = costs.Find(kind);
+    ASSERT_TRUE(first.ok() && second.ok());
+    EXPECT_EQ(builder.builds, before + 1);
+    EXPECT_EQ(costs.WorkBytes(kind), 0u);
+    EXPECT_EQ(first->At(50).query_us, second->At(50).query_us);
+  }
+}
+
+/// Costs of a kind: of a batch, of a query in ns for each photon.
+CostsOf Costs(double batch_us, double photon_ns, double whole_ns) {
+  return [=](GatherKind kind) -> absl::StatusOr<GatherCosts> {
+    GatherCosts costs;
+    for (std::size_t i = 0; i < GatherCosts::kEntries; ++i) {
+      const double ns = kind == GatherKind::kWhole ? whole_ns : photon_ns;
+      costs.entries[i] = {.batch_us = batch_us,
+                          .query_us = ns * (GatherCosts::kFewest << i) / 1000};
+    }
+    return costs;
+  };
+}
+
+class ChoiceByCosts : public testing::Test {
+ protected:
+  const Photons photons_ = MakeCloud(CloudNamed("surfaces"), 20'011, /*seed=*/5);
+  const std::vector<float> positions_ = MakeQueries(photons_, 8000, /*seed=*/6);
+  const GatherQueries queries_{.positions = positions_};
+  const std::unique_ptr<Builder> builder_ = MakeCpuBuilder();
+  MergedMaps maps_{*builder_, photons_};
+  GatherOptions Asks(std::uint32_t k, DensityKernel kernel = DensityKernel::kEpanechnikov) {
+    GatherOptions options{.k = k,
+                          .outputs = kOutputCount | kOutputDensity,
+                          .kernel = kernel,
+                          .approximation = {.max_relative_error = 0.2f}};
+    if (k == 0) options.radius = MedianRadius(maps_.map(), queries_, 400);
+    return options;
+  }
+};
+
+TEST_F(ChoiceByCosts, WhereLaunchesCostMoreThanPhotonsNothingIsSampled) {
+  for (const std::uint32_t k : {0u, 400u}) {
+    // 8000 queries of 400 photons: 3.2 ms of an endless batch.
+    EXPECT_FALSE(maps_.Choose(queries_, Asks(k), Costs(10, 1, 9)).exact());
+    const MergeChoice slow = maps_.Choose(queries_, Asks(k), Costs(3000, 1, 9));
+    EXPECT_EQ(slow.reason, ExactReason::kFewQueries);
+    EXPECT_EQ(slow.sampled, 0u);
+    // Where photons are free, fewer of them gain nothing.
+    EXPECT_EQ(maps_.Choose(queries_, Asks(k), Costs(10, 0, 9)).reason, ExactReason::kFewPhotons);
+  }
+}
+
+TEST_F(ChoiceByCosts, SubtreesAreAddedUpWholeWhereThatIsCheapest) {
+  const CostsOf whole_is_free = Costs(1, 100, 0.01);
+  const GatherOptions options = Asks(0);
+  const MergeChoice choice = maps_.Choose(queries_, options, whole_is_free);
+  EXPECT_TRUE(choice.exact());
+  EXPECT_TRUE(choice.whole);
+  EXPECT_EQ(choice.Exact(options).approximation,
+            (Approximation{.weight_tolerance = kWholeTolerance}));
+  const auto answer = *maps_.map().Gather(queries_, choice.Exact(options));
+  const auto exact = *maps_.map().Gather(queries_, MergeChoice().Exact(options));
+  EXPECT_EQ(answer.counts, exact.counts);
+  for (std::size_t i = 0; i < exact.densities.size(); ++i) {
+    ASSERT_NEAR(answer.densities[i], exact.densities[i], 1e-5 * exact.densities[i]) << i;
+  }
+  // Merged photons are cheaper than both.
+  EXPECT_FALSE(maps_.Choose(queries_, options, Costs(1, 1, 0.9)).whole);
+  EXPECT_FALSE(maps_.Choose(queries_, options, Costs(1, 1, 0.9)).exact());
+  // Moments know neither normals nor the cone, and have no k nearest.
+  EXPECT_FALSE(maps_.Choose(queries_, Asks(400), whole_is_free).whole);
+  EXPECT_FALSE(maps_.Choose(queries_, Asks(0, DensityKernel::kCone), whole_is_free).whole);
+  std::vector<float> normals(positions_.size(), 0);
+  for (std::size_t i = 0; i < normals.size(); i += 3) normals[i] = 1;
+  EXPECT_FALSE(
+      maps_.Choose({.positions = positions_, .normals = normals}, options, whole_is_free).whole);
+}
+
+TEST_F(ChoiceByCosts, WithoutCostsItIsExact) {
+  const auto none = [](GatherKind) -> absl::StatusOr<GatherCosts> {
+    return absl::ResourceExhaustedError("none");
+  };
+  EXPECT_EQ(maps_.Choose(queries_, Asks(400), none).reason, ExactReason::kNoMemory);
+  const auto broken = [](GatherKind) -> absl::StatusOr<GatherCosts> {
+    return absl::InternalError("broken");
+  };
+  const auto merged = [this](const FewerPhotons& fewer) { return maps_.Fewer(fewer); };
+  EXPECT_TRUE(
+      absl::IsInternal(ChooseMerge(maps_.map(), merged, broken, queries_, Asks(400)).status()));
+}
+
+}  // namespace
+}  // namespace treelight
