@@ -46,11 +46,12 @@ bool IsServing(grpc::ByteBuffer& response) {
 }  // namespace
 
 absl::Status CheckHealth(const HealthCheck& check, std::chrono::milliseconds timeout) {
-  if (auto status = CheckTlsFiles(check.tls); !status.ok()) return status;
+  const auto tls = ReadTlsFiles(check.tls);
+  if (!tls.ok()) return tls.status();
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  grpc::GenericStub stub(grpc::CreateCustomChannel(
-      Reachable(check.listen), MakeOwnChannelCredentials(check.tls), arguments));
+  grpc::GenericStub stub(grpc::CreateCustomChannel(Reachable(check.listen),
+                                                   MakeOwnChannelCredentials(*tls), arguments));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + timeout);
   grpc::CompletionQueue queue;

@@ -86,7 +86,7 @@ int AnswerFolderCheck(const FolderCheck& check) {
 
 /// What Server::Start would refuse, before the device takes its time.
 absl::Status CheckFiles(const ServerOptions& options) {
-  if (auto status = CheckTlsFiles(options.tls); !status.ok()) return status;
+  if (const auto tls = ReadTlsFiles(options.tls); !tls.ok()) return tls.status();
   return options.token_file.empty() ? absl::OkStatus() : Tokens::Open(options.token_file).status();
 }
 

@@ -23,7 +23,7 @@
 #include "server/persistence.h"
 #include "server/service.h"
 #include "server/tell.h"
-#include "server/tls.h"
+#include "server/tls_credentials.h"
 #include "server/tokens.h"
 #include "server/unix_socket.h"
 #include "server/unknown_methods.h"
@@ -106,6 +106,7 @@ struct Server::Impl {
   Health health;
   UnknownMethods unknown;
   int port = 0;
+  std::shared_ptr<TlsCredentials> tls;       // null where nothing is encrypted; outlives `server`
   std::unique_ptr<MetricsEndpoint> metrics;  // null where nobody asked for it
   std::unique_ptr<grpc::Server> server;      // its calls use the rest
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> clients;  // of `server`
@@ -116,7 +117,12 @@ struct Server::Impl {
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& options,
                                                       std::unique_ptr<Builder> builder) {
   if (auto status = CheckOptions(options); !status.ok()) return status;
-  if (auto status = CheckTlsFiles(options.tls); !status.ok()) return status;
+  std::shared_ptr<TlsCredentials> tls;
+  if (!options.tls.empty()) {
+    auto opened = TlsCredentials::Open(options.tls);
+    if (!opened.ok()) return opened.status();
+    tls = *std::move(opened);
+  }
   std::unique_ptr<Tokens> tokens;
   if (!options.token_file.empty()) {
     auto opened = Tokens::Open(options.token_file);
@@ -130,6 +136,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
   auto impl =
       std::make_unique<Impl>(options, std::move(builder), *std::move(log), std::move(tokens));
   impl->lock = *std::move(lock);
+  impl->tls = std::move(tls);
 
   if (!options.data_folder.empty()) {
     auto folder = SnapshotFolder::Open(options.data_folder);
@@ -158,7 +165,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
     impl->port = sockets.port();
     using Experimental = grpc::ServerBuilder::experimental_type;
     impl->clients = server_builder.experimental().AddExternalConnectionAcceptor(
-        Experimental::ExternalConnectionType::FROM_FD, MakeServerCredentials(options.tls));
+        Experimental::ExternalConnectionType::FROM_FD,
+        impl->tls == nullptr ? grpc::InsecureServerCredentials() : impl->tls);
   }
   impl->server = server_builder.BuildAndStart();
   if (impl->server == nullptr) return absl::InternalError("gRPC does not start");
@@ -166,12 +174,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const ServerOptions& optio
     impl->token_watch.emplace(std::vector{options.token_file}, kWatchInterval,
                               [&state = impl->state] { Tell(state.tokens->Reload()); });
   }
-  if (!options.tls.empty()) {
+  if (impl->tls != nullptr) {
     std::vector<std::string> files = {options.tls.certificate, options.tls.key};
     if (!options.tls.client_ca.empty()) files.push_back(options.tls.client_ca);
-    // gRPC takes them up, whatever is in them.
     impl->tls_watch.emplace(std::move(files), kWatchInterval,
-                            [tls = options.tls] { Tell(CheckTlsFiles(tls)); });
+                            [&tls = *impl->tls] { Tell(tls.Reload()); });
+    Tell(impl->tls->Reload());  // what has changed since they were read
   }
   if (impl->clients != nullptr) {
     impl->acceptor.emplace(
@@ -198,6 +206,7 @@ int Server::metrics_port() const { return impl_->metrics == nullptr ? 0 : impl_-
 absl::Status Server::Reload() {
   absl::Status status = impl_->state.log->Reopen();
   if (impl_->state.tokens != nullptr) status.Update(impl_->state.tokens->Reload());
+  if (impl_->tls != nullptr) status.Update(impl_->tls->Reload());
   return status;
 }
 

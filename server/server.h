@@ -35,8 +35,8 @@ class Server {
   /// TCP port of the metrics; 0 where there is none.
   int metrics_port() const;
 
-  /// Opens the file of the request log anew, after it was renamed, and reads the token file again.
-  /// The first error; what cannot be read anew stays as it was.
+  /// Opens the file of the request log anew, after it was renamed, and reads the files of tokens
+  /// and TLS again. The first error; what cannot be read anew stays as it was.
   absl::Status Reload();
 
   /// Where clients reach it: ServerOptions::listen with the port that was taken.

@@ -2,30 +2,29 @@
 #define TREELIGHT_SERVER_TLS_H_
 
 #include <memory>
+#include <string>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "grpcpp/security/credentials.h"
-#include "grpcpp/security/server_credentials.h"
 #include "server/options.h"
 
 namespace treelight::server {
 
-/// How often changed certificates are looked for.
-inline constexpr unsigned kCertificateSeconds = 1;
+/// What TlsFiles hold, PEM each; `client_ca` is empty where clients need no certificate.
+struct TlsTexts {
+  std::string certificate, key, client_ca;
+};
 
-/// Reads the files of `tls`. INVALID_ARGUMENT: one cannot be read or is not PEM, the key is not
-/// that of the certificate, or the certificate has expired; the message names file and option. OK
-/// where there is no TLS.
-absl::Status CheckTlsFiles(const TlsFiles& tls);
-
-/// Credentials that take up changed files within kCertificateSeconds for connections that come
-/// after that; without encryption where `tls` is empty. With a client CA, a client must show a
-/// certificate of it before anything else of it is read.
-std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(const TlsFiles& tls);
+/// Reads the files of `tls`. INVALID_ARGUMENT: one is not PEM, the key is not that of the
+/// certificate, the certificate has expired, or OpenSSL does not serve with it (a key that is too
+/// short). Errors as ReadSmallFile's. The message names file and option. Empty texts where there is
+/// no TLS.
+absl::StatusOr<TlsTexts> ReadTlsFiles(const TlsFiles& tls);
 
 /// For a client on the server's own machine that has its files: it trusts the server's certificate
-/// and no other, by whatever name it asks, and shows that same certificate.
-std::shared_ptr<grpc::ChannelCredentials> MakeOwnChannelCredentials(const TlsFiles& tls);
+/// and no other, by whatever name it asks, and shows that same certificate. Without encryption
+/// where `tls` is empty.
+std::shared_ptr<grpc::ChannelCredentials> MakeOwnChannelCredentials(const TlsTexts& tls);
 
 }  // namespace treelight::server
 

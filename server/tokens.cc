@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "absl/strings/escaping.h"
@@ -17,6 +16,7 @@
 #include "fmt/format.h"
 #include "server/break_switch.h"
 #include "server/convert.h"
+#include "server/small_file.h"
 
 namespace treelight::server {
 namespace {
@@ -27,7 +27,7 @@ constexpr std::string_view kPrefix = "tl_", kScheme = "sha256:", kBearer = "Bear
 constexpr std::size_t kRandomBytes = 32;
 /// More than a token has, less than costs time to hash.
 constexpr std::size_t kLongestToken = 256;
-constexpr std::size_t kLargestFile = 1 << 20;
+constexpr std::string_view kWhat = "token file";
 
 Sha256 Hash(std::string_view token) {
   Sha256 hash{};
@@ -69,49 +69,14 @@ std::optional<Sha256> ParseHash(std::string_view text) {
   return hash;
 }
 
-absl::Status CannotRead(const std::string& file, int error) {
-  const std::string message = fmt::format("token file '{}': {}", file, std::strerror(error));
-  return error == ENOENT ? absl::NotFoundError(message) : absl::PermissionDeniedError(message);
-}
-
-absl::StatusOr<std::string> ReadFile(const std::string& file) {
-  // The opening of a pipe would wait for a writer.
-  const int handle = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (handle < 0) return CannotRead(file, errno);
-  struct stat status {};
-  if (fstat(handle, &status) != 0 || !S_ISREG(status.st_mode)) {
-    close(handle);
-    return absl::PermissionDeniedError(fmt::format("token file '{}' is no regular file", file));
-  }
-  if ((status.st_mode & S_IWOTH) != 0) {
-    close(handle);
-    return absl::PermissionDeniedError(
-        fmt::format("token file '{}' can be written by everybody: chmod o-w", file));
-  }
-  std::string text;
-  char buffer[4096];
-  ssize_t count = 0;
-  while (text.size() <= kLargestFile && (count = read(handle, buffer, sizeof(buffer))) != 0) {
-    if (count > 0) {
-      text.append(buffer, static_cast<std::size_t>(count));
-    } else if (errno != EINTR) {
-      const int error = errno;
-      close(handle);
-      return CannotRead(file, error);
-    }
-  }
-  close(handle);
-  if (text.size() > kLargestFile) {
-    return absl::InvalidArgumentError(
-        fmt::format("token file '{}': larger than {} bytes", file, kLargestFile));
-  }
-  return text;
-}
-
 absl::StatusOr<std::vector<TokenHash>> ReadTokens(const std::string& file) {
-  const auto text = ReadFile(file);
-  if (!text.ok()) return text.status();
-  return ParseTokens(*text, file);
+  const auto read = ReadSmallFile(kWhat, file);
+  if (!read.ok()) return read.status();
+  if ((read->mode & S_IWOTH) != 0) {
+    return absl::PermissionDeniedError(
+        fmt::format("{} '{}' can be written by everybody: chmod o-w", kWhat, file));
+  }
+  return ParseTokens(read->text, file);
 }
 
 }  // namespace
@@ -163,7 +128,7 @@ absl::StatusOr<NewToken> MakeToken(std::string_view name) {
 
 absl::Status AppendTokenLine(const std::string& file, const std::string& line) {
   const int handle = open(file.c_str(), O_RDWR | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
-  if (handle < 0) return CannotRead(file, errno);
+  if (handle < 0) return FileError(kWhat, file, errno);
   // A file that somebody has edited may lack the end of its last line.
   const off_t size = lseek(handle, 0, SEEK_END);
   char last = '\n';
@@ -173,7 +138,7 @@ absl::Status AppendTokenLine(const std::string& file, const std::string& line) {
   const bool kept = written && fsync(handle) == 0;
   const int error = errno;
   close(handle);
-  return kept ? absl::OkStatus() : CannotRead(file, error);
+  return kept ? absl::OkStatus() : FileError(kWhat, file, error);
 }
 
 absl::StatusOr<std::unique_ptr<Tokens>> Tokens::Open(const std::string& file) {

@@ -1,5 +1,7 @@
 #include <chrono>
 #include <string>
+#include <thread>
+#include <utility>
 
 #include "gmock/gmock.h"
 #include "tests/gated_builder.h"
@@ -87,10 +89,12 @@ TEST_F(ServerTlsTest, CertificatesThatChangeAreTakenUp) {
   EXPECT_TRUE(Eventually([&] { return Ask(address, other).ok(); }));
   EXPECT_TRUE((*open)->GetServerInfo().ok());  // a connection that is open goes on
 
-  // A pair that does not match is told, and what mends it is taken up.
+  // A pair that does not match is told and the old one stays; what mends it is taken up.
   Run("cp client.key server.key");
   EXPECT_TRUE(
       Eventually([&] { return server.err().find("is not the key of") != std::string::npos; }));
+  EXPECT_THAT(server.err(), HasSubstr("read before stay in use"));
+  EXPECT_TRUE(Ask(address, other).ok()) << Ask(address, other);
   MakeCertificate("server", "ca", "IP:127.0.0.1");
   EXPECT_TRUE(Eventually([&] { return Ask(address, Tls()).ok(); }));
 }
@@ -113,10 +117,76 @@ TEST_F(ServerTlsTest, AClientCaThatChangesIsTakenUp) {
   EXPECT_EQ(Ask(address, client).code(), absl::StatusCode::kUnavailable);
   EXPECT_TRUE((*open)->GetServerInfo().ok());  // a connection that is open goes on
 
-  // What is no certificate is told.
+  // What is no certificate is told, and the old one stays.
   Run("echo junk > clients.new && mv clients.new clients.pem");
   EXPECT_TRUE(
       Eventually([&] { return server.err().find("--tls-client-ca") != std::string::npos; }));
+  EXPECT_TRUE(Ask(address, stranger).ok()) << Ask(address, stranger);
+  EXPECT_EQ(Ask(address, client).code(), absl::StatusCode::kUnavailable);
+}
+
+// What a writer leaves that is no rename: for a moment, or for good where the disk is full.
+TEST_F(ServerTlsTest, EmptyFilesChangeNothing) {
+  Run("cp ca.pem clients.pem");
+  auto arguments = WithTls({"--listen", "127.0.0.1:0"});
+  arguments.insert(arguments.end(), {"--tls-client-ca", File("clients.pem")});
+  Process server(arguments);
+  const std::string address = server.WaitUntilReady();
+  ConnectionOptions client = Tls(), stranger = Tls();
+  client.tls_certificate = File("client.pem"), client.tls_key = File("client.key");
+  stranger.tls_certificate = File("stranger.pem"), stranger.tls_key = File("stranger.key");
+  for (const auto& [file, option] : {std::pair{"server.key", "--tls-key"},
+                                     {"server.pem", "--tls-cert"},
+                                     {"clients.pem", "--tls-client-ca"}}) {
+    SCOPED_TRACE(file);
+    Run("cp " + std::string(file) + " kept && : > " + file);
+    const std::string told = option + (" '" + File(file) + "': holds no ");
+    EXPECT_TRUE(Eventually([&] { return server.err().find(told) != std::string::npos; }))
+        << server.err();
+    EXPECT_TRUE(Ask(address, client).ok()) << Ask(address, client);
+    EXPECT_EQ(Ask(address, stranger).code(), absl::StatusCode::kUnavailable);
+    Run("cat kept > " + std::string(file));
+  }
+  // It still looks.
+  Run("cat other_ca.pem > clients.pem");
+  EXPECT_TRUE(Eventually([&] { return Ask(address, stranger).ok(); })) << server.err();
+}
+
+TEST_F(ServerTlsTest, FilesMayBeRewrittenInPlaceWhileClientsConnect) {
+  Process server(WithTls({"--listen", "127.0.0.1:0"}));
+  const std::string address = server.WaitUntilReady();
+  Run("cp server.pem pair.pem && cp server.key pair.key");
+  constexpr int kRewrites = 300, kConnections = 100;
+  std::jthread writer([&] {
+    for (int i = 0; i < kRewrites; ++i) {
+      Run("cat pair.pem > server.pem && sleep 0.01 && cat pair.key > server.key");
+    }
+  });
+  for (int i = 0; i < kConnections; ++i) ASSERT_TRUE(Ask(address, Tls()).ok()) << server.err();
+  writer.join();
+  ASSERT_TRUE(Ask(address, Tls()).ok()) << server.err();
+  MakeCertificate("server", "other_ca", "IP:127.0.0.1");
+  const ConnectionOptions other{.transport = Transport::kTls, .tls_ca = File("other_ca.pem")};
+  EXPECT_TRUE(Eventually([&] { return Ask(address, other).ok(); })) << server.err();
+  EXPECT_FALSE(Ask(address, Tls()).ok());
+}
+
+TEST_F(ServerTlsTest, AHangUpReadsCertificatesAgain) {
+  Process server(WithTls({"--listen", "127.0.0.1:0"}));
+  ASSERT_FALSE(server.WaitUntilReady().empty());
+  Run("cp client.key server.key");
+  ASSERT_TRUE(Eventually([&] { return Lines(server.err()) == 1; })) << server.err();
+  server.Signal(SIGHUP);
+  EXPECT_TRUE(Eventually([&] { return Lines(server.err()) == 2; })) << server.err();
+}
+
+// OpenSSL does not serve with it, which would only show when somebody connects.
+TEST_F(ServerTlsTest, AKeyThatIsTooShortIsRefused) {
+  Run("openssl req -x509 -newkey rsa:1024 -nodes -keyout server.key -out server.pem -days 2 "
+      "-subj /CN=server");
+  Process server(WithTls({"--listen", "127.0.0.1:0"}));
+  EXPECT_EQ(server.Wait(), 1);
+  EXPECT_THAT(server.err(), HasSubstr("--tls-cert '" + File("server.pem") + "': ee key too small"));
 }
 
 }  // namespace
