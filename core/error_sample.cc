@@ -18,7 +18,7 @@ constexpr double kMargin = 3;
 // What is as rare as one query in a third of the sample is missing from it in one case of 20 (the
 // rule of three): so many queries are taken to be there, with the largest error seen, at least
 // this. Where normals leave photons out, few may be left of many, and rare errors are large.
-constexpr double kMissedQueries = 3, kMissedError = 0.1, kMissedErrorOfNormals = 0.5;
+constexpr double kMissedQueries = 3, kMissedError = 0.1, kMissedErrorOfNormals = 0.3;
 
 double MissedError(const GatherQueries& queries) {
   return queries.normals.empty() ? kMissedError : kMissedErrorOfNormals;

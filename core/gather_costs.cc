@@ -1,6 +1,7 @@
 #include "core/gather_costs.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <utility>
@@ -25,20 +26,33 @@ GatherOptions Question(CostMeter& meter, const Gatherer& map, std::span<const fl
   return question;
 }
 
-/// By batches of two sizes, which take turns.
-GatherCosts::Cost CostOf(CostMeter& meter, const Gatherer& map, std::span<const float> positions,
-                         const GatherOptions& question) {
+/// Of batches of two sizes, the fastest of each.
+struct Times {
+  double few_us = kNever;              // kSmallBatch queries
+  double query_us = kNever, many = 0;  // a query of so many
+};
+
+Times Measured(CostMeter& meter, const Gatherer& map, std::span<const float> positions,
+               const GatherOptions& question) {
+  constexpr int kRounds = 2 * kMeasureRounds;
   const std::span<const float> few = positions.first(3 * kSmallBatch);
   meter.Gather(map, few, question);  // compiles, and computes moments
   const std::span<const float> many = meter.ForAWhile(map, positions, question);
-  double few_us = kNever, many_us = kNever;
-  for (int round = 0; round < kMeasureRounds; ++round) {
-    for (int i = 0; i < kMeasureRounds; ++i) meter.Gather(map, few, question, few_us);
+  Times times{.many = static_cast<double>(many.size() / 3)};
+  double many_us = kNever;
+  for (int round = 0; round < kRounds; ++round) {
+    for (int i = 0; i < kMeasureRounds; ++i) meter.Gather(map, few, question, times.few_us);
     meter.Gather(map, many, question, many_us);
   }
-  const auto more = static_cast<double>((many.size() - few.size()) / 3);
-  const double query_us = std::max(0.0, many_us - few_us) / more;
-  return {.batch_us = std::max(0.0, few_us - kSmallBatch * query_us), .query_us = query_us};
+  times.query_us = many_us / times.many;
+  return times;
+}
+
+/// The line through both sizes.
+GatherCosts::Cost CostOf(const Times& times) {
+  const double more_us = times.query_us * times.many - times.few_us;
+  const double query_us = std::max(0.0, more_us) / (times.many - kSmallBatch);
+  return {.batch_us = std::max(0.0, times.few_us - kSmallBatch * query_us), .query_us = query_us};
 }
 
 }  // namespace
@@ -67,15 +81,22 @@ absl::StatusOr<GatherCosts> MeasureGatherCosts(Builder& builder, GatherKind kind
   photons.powers.assign(photons.positions.size(), 1);
   double build_us = kNever;
   const auto map = meter.Build(photons, {}, build_us);
-  GatherCosts costs;
+  std::array<Times, GatherCosts::kEntries> times;
   std::uint32_t found = GatherCosts::kFewest;
-  for (GatherCosts::Cost& cost : costs.entries) {
+  for (Times& entry : times) {
     if (!meter.status().ok()) return meter.status();
     const GatherOptions question = Question(meter, *map, photons.positions, kind, found);
-    cost = CostOf(meter, *map, photons.positions, question);
+    entry = Measured(meter, *map, photons.positions, question);
     found *= 2;
   }
   if (!meter.status().ok()) return meter.status();
+  // Fewer photons never take longer: where they seem to, something else has kept the device.
+  for (std::size_t i = GatherCosts::kEntries - 1; i-- > 0;) {
+    times[i].few_us = std::min(times[i].few_us, times[i + 1].few_us);
+    times[i].query_us = std::min(times[i].query_us, times[i + 1].query_us);
+  }
+  GatherCosts costs;
+  std::ranges::transform(times, costs.entries.begin(), CostOf);
   return costs;
 }
 

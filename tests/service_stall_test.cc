@@ -82,7 +82,8 @@ TEST_F(ServiceStallTest, ASlowUploadLosesItsSlotWhereNoneIsFree) {
       status = writer->Finish();
     });
   }
-  EXPECT_TRUE(Eventually([&] { return Info().memory_bytes_used() > 28 * 2 * photons.size(); }));
+  const std::uint64_t upload_bytes = 28 * photons.size() + options_.limits.max_message_bytes;
+  EXPECT_TRUE(Eventually([&] { return Info().memory_bytes_used() >= 2 * upload_bytes; }));
   v1::BuildPhotonMapResponse response;
   EXPECT_TRUE(
       Eventually([&] { return Build(*stub_, MakeUpload("healthy", photons_), response).ok(); }));
