@@ -5,13 +5,36 @@
 #include <string>
 #include <utility>
 
+#include "fmt/format.h"
+#include "server/break_switch.h"
 #include "server/guard.h"
 #include "server/host_photons.h"
 #include "server/persistence.h"
+#include "server/refusal.h"
 #include "server/residency.h"
 #include "server/upload.h"
 
 namespace treelight::server {
+namespace {
+
+/// What a version of a map takes of host memory beside its photons and tree, at most, bytes: with
+/// the longest name and request id.
+constexpr std::uint64_t kVersionBytes = 8192;
+
+/// Whether one version more may be kept: all together take an eighth of the memory's limit. Builds
+/// that are under way do not count. RESOURCE_EXHAUSTED with Quota::kMaps; time alone does not help.
+absl::Status CheckVersionCount(const State& state) {
+  const std::size_t count = state.store.size();
+  const std::uint64_t limit = state.memory.limit_bytes(), most = limit / 8 / kVersionBytes;
+  if (count < most || Broken("map_count")) return absl::OkStatus();
+  return Refuse(Quota::kMaps,
+                fmt::format("the server has {} versions of maps, with a --memory-limit of {} it "
+                            "takes {}; delete maps, or give them a time to live",
+                            count, limit, most),
+                std::nullopt);
+}
+
+}  // namespace
 
 BuildJob::BuildJob(State& state, grpc::CallbackServerContext& context, std::string_view method,
                    v1::BuildPhotonMapResponse& response)
@@ -32,6 +55,7 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
                              std::string_view what) {
   plan_ = plan;
   if (!plan_.request_id.empty()) record_.request_id = plan_.request_id;
+  if (auto status = CheckVersionCount(state_); !status.ok()) return status;
   if (state_.snapshots != nullptr) {
     const auto room = state_.snapshots->CheckRoom(
         SnapshotBytes(plan_.photon_count, plan_.has_powers, plan_.has_directions), what);

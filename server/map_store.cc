@@ -30,9 +30,7 @@ MapHandle MapStore::Add(StoredMap map) {
       }
     }
     if (handle->version == 0) handle->version = NextVersion(handle->name);
-    auto& last = last_versions_[handle->name];
-    last = std::max(last, handle->version);
-    maps_[handle->name].emplace(handle->version, handle);
+    Insert(handle);
     ++additions_;
     ForgetDeadNames();
   }
@@ -54,10 +52,7 @@ void MapStore::Restore(const std::vector<MapHandle>& maps) {
   {
     const std::lock_guard lock(mutex_);
     for (const MapHandle& map : maps) {
-      auto& last = last_versions_[map->name];
-      last = std::max(last, map->version);
-      maps_[map->name].emplace(map->version, map);
-      if (!map->request_id.empty() && !Broken("request_id_of_last_life")) {
+      if (Insert(map) && !map->request_id.empty() && !Broken("request_id_of_last_life")) {
         requests_.try_emplace(map->request_id, map);
       }
     }
@@ -74,13 +69,25 @@ void MapStore::Drop(const std::vector<MapHandle>& maps) {
     if (versions == maps_.end()) continue;
     const auto version = versions->second.find(handle->version);
     if (version == versions->second.end() || version->second != handle) continue;
-    versions->second.erase(version);
-    if (versions->second.empty()) maps_.erase(versions);
-    ForgetRequest(handle);
+    Erase(handle);
   }
 }
 
-void MapStore::ForgetRequest(const MapHandle& map) {
+bool MapStore::Insert(const MapHandle& map) {
+  auto& last = last_versions_[map->name];
+  last = std::max(last, map->version);
+  if (!maps_[map->name].emplace(map->version, map).second) return false;
+  ++size_;
+  if (map->expires) expiries_.emplace(*map->expires, map);
+  return true;
+}
+
+void MapStore::Erase(const MapHandle& map) {
+  const auto versions = maps_.find(map->name);
+  versions->second.erase(map->version);
+  if (versions->second.empty()) maps_.erase(versions);
+  --size_;
+  if (map->expires) expiries_.erase({*map->expires, map});
   const auto known = requests_.find(map->request_id);
   if (known != requests_.end() && known->second == map) requests_.erase(known);
 }
@@ -88,6 +95,11 @@ void MapStore::ForgetRequest(const MapHandle& map) {
 void MapStore::OnExpired(std::function<void(std::vector<MapHandle>)> expired) {
   const std::lock_guard lock(mutex_);
   expired_ = std::move(expired);
+}
+
+std::size_t MapStore::size() const {
+  const std::lock_guard lock(mutex_);
+  return size_;
 }
 
 std::size_t MapStore::remembered_names() const {
@@ -151,26 +163,17 @@ absl::StatusOr<std::vector<MapHandle>> MapStore::Remove(std::string_view name,
     }
   }
   if (removed.empty()) return NotFound(name, version);
-  for (const MapHandle& handle : removed) {
-    map->second.erase(handle->version);
-    ForgetRequest(handle);
-  }
-  if (map->second.empty()) maps_.erase(map);
+  for (const MapHandle& handle : removed) Erase(handle);
   return removed;
 }
 
 std::size_t MapStore::SweepExpired() {
   std::vector<MapHandle> expired;  // freed after the lock
   std::unique_lock lock(mutex_);
-  for (auto map = maps_.begin(); map != maps_.end();) {
-    std::erase_if(map->second, [&](const auto& entry) {
-      if (!Expired(*entry.second)) return false;
-      expired.push_back(entry.second);
-      return true;
-    });
-    map = map->second.empty() ? maps_.erase(map) : std::next(map);
+  while (!expiries_.empty() && Expired(*expiries_.begin()->second)) {
+    expired.push_back(expiries_.begin()->second);
+    Erase(expired.back());
   }
-  for (const MapHandle& handle : expired) ForgetRequest(handle);
   const auto tell = expired_;
   lock.unlock();
   const std::size_t count = expired.size();
@@ -196,28 +199,18 @@ absl::Status MapStore::NotFound(std::string_view name, std::uint64_t version) co
                   left_out == 0 ? std::string() : fmt::format(" and {} older ones", left_out)));
 }
 
-std::optional<TimePoint> MapStore::NextExpiry() const {
-  std::optional<TimePoint> next;
-  for (const auto& [name, versions] : maps_) {
-    for (const auto& [version, map] : versions) {
-      if (map->expires && (!next || *map->expires < *next)) next = map->expires;
-    }
-  }
-  return next;
-}
-
 void MapStore::SweepInTime(const std::stop_token& stop) {
   using std::chrono_literals::operator""ms;
   constexpr std::chrono::nanoseconds kShortest = 1ms, kLongest = std::chrono::hours(1);
   while (!stop.stop_requested()) {
     {
       std::unique_lock lock(mutex_);
-      const auto next = NextExpiry();
       const std::uint64_t seen = additions_;
       // The clock may be set while we wait: look once an hour.
-      const auto pause =
-          next ? std::clamp<std::chrono::nanoseconds>(*next - clock_(), kShortest, kLongest)
-               : kLongest;
+      const auto pause = expiries_.empty()
+                             ? kLongest
+                             : std::clamp<std::chrono::nanoseconds>(
+                                   expiries_.begin()->first - clock_(), kShortest, kLongest);
       wake_.wait_for(lock, stop, pause, [&] { return additions_ != seen; });
     }
     SweepExpired();

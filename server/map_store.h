@@ -10,10 +10,12 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -57,6 +59,9 @@ class MapStore {
   /// `clock` tells what has expired; at most `dead_names` names without a map are remembered.
   explicit MapStore(Clock clock = std::chrono::system_clock::now, std::size_t dead_names = 65'536);
 
+  /// Versions that are here, those of them included that have expired and were not swept yet.
+  std::size_t size() const;
+
   /// Names whose last version is remembered, with maps or without.
   std::size_t remembered_names() const;
 
@@ -99,10 +104,10 @@ class MapStore {
   using Versions = std::map<std::uint64_t, MapHandle>;
 
   bool Expired(const StoredMap& map) const;
-  std::uint64_t NextVersion(const std::string& name);                         // needs mutex_
-  void ForgetRequest(const MapHandle& map);                                   // needs mutex_
+  std::uint64_t NextVersion(const std::string& name);  // needs mutex_
+  bool Insert(const MapHandle& map);  // needs mutex_; false where that version is here
+  void Erase(const MapHandle& map);   // needs mutex_; it is here
   absl::Status NotFound(std::string_view name, std::uint64_t version) const;  // needs mutex_
-  std::optional<TimePoint> NextExpiry() const;                                // needs mutex_
   void ForgetDeadNames();                                                     // needs mutex_
   void SweepInTime(const std::stop_token& stop);
 
@@ -113,6 +118,8 @@ class MapStore {
   // Guarded by mutex_. Expired versions may still be in it until they are swept; no call shows
   // them.
   std::map<std::string, Versions, std::less<>> maps_;
+  std::size_t size_ = 0;                                // guarded by mutex_: versions in maps_
+  std::set<std::pair<TimePoint, MapHandle>> expiries_;  // guarded by mutex_: those that expire
   // Guarded by mutex_. Last version given to a name. Stays when the map goes, so that no version is
   // used twice; once there are too many of those, they are forgotten, and names that are not here
   // go on from the largest version forgotten.

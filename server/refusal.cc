@@ -29,6 +29,8 @@ std::string_view QuotaName(Quota quota) {
       return "calls";
     case Quota::kDeadline:
       return "deadline";
+    case Quota::kMaps:
+      return "maps";
   }
   return "";
 }

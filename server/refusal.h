@@ -23,9 +23,10 @@ enum class Quota {
   kDisk,        ///< "disk": room in --data-dir
   kCalls,       ///< "calls": open calls of any kind, --max-calls
   kDeadline,    ///< "deadline": the queue is longer than the time that the caller has
+  kMaps,        ///< "maps": versions of maps, whose number --memory-limit bounds
 };
 
-/// "memory", "device", "builds", "queue", "disk", "calls", "deadline".
+/// "memory", "device", "builds", "queue", "disk", "calls", "deadline", "maps".
 std::string_view QuotaName(Quota quota);
 
 /// RESOURCE_EXHAUSTED. `message` says the limit, what was asked and what to do; it is the

@@ -112,6 +112,36 @@ TEST(MapStoreTest, ExpiredMapsAreInvisibleBeforeTheyAreSwept) {
   EXPECT_EQ(store.List().size(), 1u);
 }
 
+TEST(MapStoreTest, ItsSizeFollowsWhatComesGoesAndExpires) {
+  using std::chrono_literals::operator""h;
+  std::atomic<TimePoint> now = TimePoint(0ms);
+  MapStore store([&] { return now.load(); });
+  store.Add(MakeMap("a"));
+  const MapHandle dropped = store.Add(MakeMap("b", "b", TimePoint(3h)));
+  for (const auto time : {5h, 2h, 4h, 3h}) store.Add(MakeMap("a", {}, TimePoint(time)));
+  EXPECT_EQ(store.size(), 6u);
+  ASSERT_TRUE(store.Remove("a", 4).ok());  // of 4 h
+  EXPECT_EQ(store.size(), 5u);
+  store.Drop({dropped});
+  store.Drop({dropped});
+  EXPECT_EQ(store.size(), 4u);
+  store.Restore({dropped, dropped});
+  EXPECT_EQ(store.size(), 5u);
+  EXPECT_EQ(store.FindRequest("b"), dropped);
+  const auto swept = [&] {  // by this call, or by the store's own thread
+    store.SweepExpired();
+    return store.size();
+  };
+  now = TimePoint(2h);
+  EXPECT_EQ(swept(), 4u);
+  now = TimePoint(3h);
+  EXPECT_EQ(swept(), 2u);
+  EXPECT_EQ(store.FindRequest("b"), nullptr);
+  now = TimePoint(5h);
+  EXPECT_EQ(swept(), 1u);
+  EXPECT_EQ((*store.Find("a", 0))->version, 1u);
+}
+
 TEST(MapStoreTest, TheSweeperFreesExpiredMaps) {
   MapStore store;
   const std::weak_ptr<const StoredMap> map =

@@ -84,6 +84,31 @@ TEST_F(ServiceAdmissionTest, MapsOfACpuCountAndAreGivenBackWhenTheyGo) {
   EXPECT_TRUE(AllGivenBack());
 }
 
+TEST_F(ServiceAdmissionTest, AVersionMoreThanItKeepsIsRefusedUntilOneGoes) {
+  options_.memory_limit = 16 << 20;
+  constexpr std::uint64_t kMost = 256;  // an eighth of the limit, 8 KiB each
+  StartGated();
+  const Photons photon = MakePhotons(1, 1);
+  for (std::uint64_t i = 1; i < kMost; ++i) ASSERT_EQ(MustBuild("many", photon).version(), i);
+  // No chunk is sent: the answer does not wait for one.
+  const auto status = OpenUpload(*stub_, MakeUpload("many", photon)[0]).Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(status.error_message(),
+            "the server has 256 versions of maps, with a --memory-limit of 16777216 it takes 256; "
+            "delete maps, or give them a time to live");
+  EXPECT_EQ(ReadDetails(status).quota, "maps");
+  EXPECT_EQ(ReadDetails(status).retry_seconds, -1);  // time does not help
+  v1::RebuildPhotonMapRequest rebuild;
+  rebuild.set_name("cloud");
+  rebuild.set_new_name("cloud2");
+  grpc::ClientContext context;
+  v1::BuildPhotonMapResponse response;
+  EXPECT_EQ(ReadDetails(stub_->RebuildPhotonMap(&context, rebuild, &response)).quota, "maps");
+  EXPECT_EQ(Info().map_count(), kMost);
+  Delete("cloud");
+  EXPECT_EQ(MustBuild("many", photon).version(), kMost);
+}
+
 TEST_F(ServiceAdmissionTest, BuildsOverTheirSlotsAreRefusedAndOneGoesOnAfterwards) {
   options_.build_slots = 1;
   StartGated();

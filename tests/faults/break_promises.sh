@@ -39,6 +39,7 @@ leftovers               treelight_faults
 limits                  treelight_faults
 loaded_once             breakable_tests       ServiceSharedFilesTest.AMapIsLoadedOnceForManyCallsAtOnce
 log_reopen              server_life_test      ServerLifeTest.SighupOpensTheLogAnew
+map_count               breakable_tests       ServiceAdmissionTest.AVersionMoreThanItKeepsIsRefusedUntilOneGoes
 max_calls               breakable_tests       ActiveCallsTest.OneMoreThanTheLimitIsRefusedUntilOneLeaves
 memory                  treelight_faults
 memory_limit            breakable_tests       ServiceAdmissionTest.AnUploadOverTheMemoryLimitIsRefusedBeforeItsChunksAreRead
