@@ -20,6 +20,8 @@ absl::StatusOr<std::size_t> CheckFolder(const std::string& path) {
   if (!folder.ok()) return folder.status();
   const auto files = (*folder)->CheckAll();
   if (!files.ok()) return files.status();
+  const auto set_aside = (*folder)->ListSetAside();
+  if (!set_aside.ok()) return set_aside.status();
   std::size_t sound = 0, damaged = 0;
   std::uint64_t photon_count = 0, bytes = 0;
   for (const SnapshotFolder::File& file : *files) {
@@ -36,10 +38,11 @@ absl::StatusOr<std::size_t> CheckFolder(const std::string& path) {
     fmt::print("{}: {}: {}\n", file.name, broken ? "damaged" : "not checked",
                std::string(file.head.status().message()));
   }
+  for (const std::string& name : *set_aside) fmt::print("{}: a server has set it aside\n", name);
   const std::size_t unchecked = files->size() - sound - damaged;
-  fmt::print("{} maps, {} photons, {} bytes; {} damaged, {} not checked\n", sound, photon_count,
-             bytes, damaged, unchecked);
-  return damaged + unchecked;
+  fmt::print("{} maps, {} photons, {} bytes; {} damaged, {} not checked, {} set aside\n", sound,
+             photon_count, bytes, damaged, unchecked, set_aside->size());
+  return damaged + unchecked + set_aside->size();
 }
 
 }  // namespace treelight::server

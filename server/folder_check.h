@@ -9,8 +9,9 @@
 namespace treelight::server {
 
 /// `treelightd fsck`: checks the data folder and prints a line for each file on stdout. Returns how
-/// many are damaged, or cannot be read: by this user, or by a program before the one that wrote it.
-/// Changes nothing. The errors of SnapshotFolder::Open, and NOT_FOUND: there is no such folder.
+/// many are damaged, those included that a server has set aside, or cannot be read: by this user,
+/// or by a program before the one that wrote it. Changes nothing. The errors of
+/// SnapshotFolder::Open, and NOT_FOUND: there is no such folder.
 absl::StatusOr<std::size_t> CheckFolder(const std::string& path);
 
 }  // namespace treelight::server

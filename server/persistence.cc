@@ -32,13 +32,17 @@ absl::StatusOr<Photons> ReadKept(State& state, const std::string& name, std::uin
                                  std::uint64_t checksum) {
   auto photons = state.snapshots->Read(name, version, checksum);
   const bool lost = absl::IsDataLoss(photons.status()), gone = absl::IsNotFound(photons.status());
-  if (lost) SetAside(*state.snapshots, SnapshotName(name, version), photons.status());
+  const std::string file = SnapshotName(name, version);
+  if (lost) SetAside(*state.snapshots, file, photons.status());
   if (lost || gone) {
     // The handle that the caller has keeps the map until the call is over.
     const auto map = state.store.Find(name, version);
     if (map.ok() && (*map)->checksum == checksum) state.store.Drop({*map});
   }
-  return photons;
+  if (photons.ok() || absl::IsResourceExhausted(photons.status())) return photons;
+  return absl::Status(
+      photons.status().code(),
+      fmt::format("'{}' of the data folder: {}", file, std::string(photons.status().message())));
 }
 
 /// Photons that are in the file of their map.

@@ -148,8 +148,15 @@ bool IsRemoved(int folder) {
   return fstat(folder, &status) == 0 && status.st_nlink == 0;
 }
 
-/// The names that end so, sorted.
-absl::StatusOr<std::vector<std::string>> ListNames(int folder, std::string_view suffix) {
+bool IsSnapshot(std::string_view name) { return name.ends_with(kSuffix); }
+bool IsTemporary(std::string_view name) { return name.ends_with(kTemporary); }
+bool IsSetAside(std::string_view name) {
+  const std::size_t end = name.rfind(kDamaged);  // a number may follow
+  return end != std::string_view::npos && IsSnapshot(name.substr(0, end));
+}
+
+/// The names of which `is_one` is true, sorted.
+absl::StatusOr<std::vector<std::string>> ListNames(int folder, bool (*is_one)(std::string_view)) {
   // A handle of its own, since reading moves it.
   const int handle = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (handle < 0) return absl::InternalError(std::strerror(errno));
@@ -169,7 +176,7 @@ absl::StatusOr<std::vector<std::string>> ListNames(int folder, std::string_view 
     if (entry == nullptr && errno != 0) return absl::InternalError(std::strerror(errno));
     if (entry == nullptr) break;
     const std::string_view name = entry->d_name;
-    if (name.ends_with(suffix)) names.emplace_back(name);
+    if (is_one(name)) names.emplace_back(name);
   }
   std::ranges::sort(names);
   return names;
@@ -228,7 +235,7 @@ absl::Status SnapshotFolder::Failed(std::string_view what, const absl::Status& e
 }
 
 absl::StatusOr<std::vector<SnapshotFolder::File>> SnapshotFolder::CheckAll() const {
-  const auto names = ListNames(handle_, kSuffix);
+  const auto names = ListNames(handle_, IsSnapshot);
   if (!names.ok()) return Failed("its list", names.status());
   std::vector<File> files;
   for (const std::string& name : *names) {
@@ -241,7 +248,7 @@ absl::StatusOr<std::vector<SnapshotFolder::File>> SnapshotFolder::CheckAll() con
 
 absl::StatusOr<std::vector<SnapshotFolder::Entry>> SnapshotFolder::List() const {
   if (IsRemoved(handle_)) return Failed("its list", ENOENT);  // not empty, by which maps would go
-  const auto names = ListNames(handle_, kSuffix);
+  const auto names = ListNames(handle_, IsSnapshot);
   if (!names.ok()) return Failed("its list", names.status());
   std::vector<Entry> entries;
   for (const std::string& name : *names) {
@@ -253,6 +260,12 @@ absl::StatusOr<std::vector<SnapshotFolder::Entry>> SnapshotFolder::List() const 
     }
   }
   return entries;
+}
+
+absl::StatusOr<std::vector<std::string>> SnapshotFolder::ListSetAside() const {
+  auto names = ListNames(handle_, IsSetAside);
+  if (!names.ok()) return Failed("its list", names.status());
+  return names;
 }
 
 absl::StatusOr<std::int64_t> SnapshotFolder::Changed() const {
@@ -267,7 +280,7 @@ SnapshotFolder::File SnapshotFolder::ReadHead(const Entry& entry) const {
 
 void SnapshotFolder::RemoveLeftovers() const {
   if (Broken("leftovers")) return;
-  const auto names = ListNames(handle_, kTemporary);
+  const auto names = ListNames(handle_, IsTemporary);
   if (!names.ok()) return;  // CheckAll tells
   for (const std::string& name : *names) {
     const FileHandle file(
@@ -374,11 +387,8 @@ absl::StatusOr<Photons> SnapshotFolder::Read(std::string_view name, std::uint64_
                    if (head->checksum != checksum) return absl::NotFoundError("it is gone");
                    return ReadSnapshotPhotons(source, *head);
                  });
-  if (photons.ok() || absl::IsResourceExhausted(photons.status())) return photons;
-  const bool denied = absl::IsPermissionDenied(photons.status());  // to the server, not the client
-  return absl::Status(
-      denied ? absl::StatusCode::kUnavailable : photons.status().code(),
-      fmt::format("'{}' of the data folder: {}", file, std::string(photons.status().message())));
+  if (!absl::IsPermissionDenied(photons.status())) return photons;
+  return absl::UnavailableError(photons.status().message());  // to the server, not the client
 }
 
 absl::Status SnapshotFolder::Sync() const {

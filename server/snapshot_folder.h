@@ -67,6 +67,9 @@ class SnapshotFolder {
   /// The files of snapshots, in the order of the names, and nothing of what is in them.
   absl::StatusOr<std::vector<Entry>> List() const;
 
+  /// The names of files that SetAside has renamed, sorted.
+  absl::StatusOr<std::vector<std::string>> ListSetAside() const;
+
   /// When an entry of the folder was made, renamed or removed last: nanoseconds of its file
   /// system's clock, which may stand for 10 ms or, where it tells whole seconds only, for a second.
   /// Takes microseconds on a local disk.

@@ -244,6 +244,15 @@ TEST_F(ServerDataTest, FsckTellsWhatIsDamagedAndChangesNothing) {
   const auto bytes = std::to_string(std::filesystem::file_size(maps_ + "/a@1.tlmap"));
   EXPECT_THAT(unread.out(),
               HasSubstr("1 maps, 1000 photons, " + bytes + " bytes; 0 damaged, 2 not"));
+  std::filesystem::remove(maps_ + "/b@1.tlmap");
+  std::filesystem::rename(maps_ + "/c@1.tlmap", maps_ + "/c@1.tlmap.damaged.2");
+  Process aside({"fsck", "--data-dir", maps_});
+  EXPECT_EQ(aside.Wait(), 1);
+  EXPECT_EQ(aside.out(),
+            "a@1.tlmap: sound, 1000 photons\n"
+            "c@1.tlmap.damaged.2: a server has set it aside\n"
+            "1 maps, 1000 photons, " +
+                bytes + " bytes; 0 damaged, 0 not checked, 1 set aside\n");
   Process unnamed({"fsck"});
   EXPECT_EQ(unnamed.Wait(), 2);
   Process impossible({"fsck", "--data-dir", folder_ + "/" + std::string(300, 'x')});

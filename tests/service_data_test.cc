@@ -223,7 +223,8 @@ TEST_F(ServiceDataTest, AFileThatIsDamagedWhileTheServerRunsCostsItsMapAlone) {
   EXPECT_THAT(status.error_message(), HasSubstr("'cloud@1.tlmap' of the data folder: block 2"));
   EXPECT_EQ(GatherAt("cloud", response).error_code(), grpc::StatusCode::NOT_FOUND);
   EXPECT_TRUE(GatherAt("sound", response).ok());
-  EXPECT_THAT(::testing::internal::GetCapturedStderr(), HasSubstr("set aside as"));
+  EXPECT_THAT(::testing::internal::GetCapturedStderr(),
+              HasSubstr("'cloud@1.tlmap' is damaged: block 2"));
   EXPECT_EQ(Files(), (std::vector<std::string>{"cloud@1.tlmap.damaged", "sound@1.tlmap"}));
 }
 

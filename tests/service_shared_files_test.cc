@@ -85,7 +85,7 @@ TEST_F(ServiceSharedFilesTest, AFileOfAnotherServerThatIsDamagedIsSetAside) {
   spoil("cloud@2.tlmap", 40, std::ios::beg);  // its head: found when it is listed
   EXPECT_EQ(ListAt(other), (std::vector<std::string>{"sound@1"}));
   const std::string told = ::testing::internal::GetCapturedStderr();
-  EXPECT_THAT(told, HasSubstr("'cloud@1.tlmap' of the data folder: block 2"));
+  EXPECT_THAT(told, HasSubstr("'cloud@1.tlmap' is damaged: block 2"));
   EXPECT_THAT(told, HasSubstr("'cloud@2.tlmap' is damaged: the checksum of its head"));
   EXPECT_THAT(told, HasSubstr("set aside as 'cloud@2.tlmap.damaged'"));
   CheckAnswer(other, "sound", MakePhotons(99, 2));
