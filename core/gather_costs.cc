@@ -48,10 +48,12 @@ Times Measured(CostMeter& meter, const Gatherer& map, std::span<const float> pos
   return times;
 }
 
-/// The line through both sizes.
+/// The line through both sizes, where a busy device does not make it too flat.
 GatherCosts::Cost CostOf(const Times& times) {
+  constexpr double kLeastPart = 0.3;  // of the larger batch that is its queries
   const double more_us = times.query_us * times.many - times.few_us;
-  const double query_us = std::max(0.0, more_us) / (times.many - kSmallBatch);
+  const double query_us =
+      std::max(kLeastPart * times.query_us, more_us / (times.many - kSmallBatch));
   return {.batch_us = std::max(0.0, times.few_us - kSmallBatch * query_us), .query_us = query_us};
 }
 
@@ -91,12 +93,13 @@ absl::StatusOr<GatherCosts> MeasureGatherCosts(Builder& builder, GatherKind kind
   }
   if (!meter.status().ok()) return meter.status();
   // Fewer photons never take longer: where they seem to, something else has kept the device.
-  for (std::size_t i = GatherCosts::kEntries - 1; i-- > 0;) {
-    times[i].few_us = std::min(times[i].few_us, times[i + 1].few_us);
-    times[i].query_us = std::min(times[i].query_us, times[i + 1].query_us);
-  }
   GatherCosts costs;
-  std::ranges::transform(times, costs.entries.begin(), CostOf);
+  double few_us = kNever, query_us = kNever;
+  for (std::size_t i = GatherCosts::kEntries; i-- > 0;) {
+    times[i].few_us = few_us = std::min(few_us, times[i].few_us);
+    costs.entries[i] = CostOf(times[i]);
+    costs.entries[i].query_us = query_us = std::min(query_us, costs.entries[i].query_us);
+  }
   return costs;
 }
 

@@ -79,7 +79,8 @@ class Chooser {
   /// Of `queries` that find so many merged photons, but for a part that is answered exactly.
   double MergedCost(double merged_photons, double merged_part, double queries) const {
     const double cost_us = costs_.At(merged_photons).Of(queries);
-    return merged_part < 1 ? cost_us + ExactCost(queries * (1 - merged_part)) : cost_us;
+    if (merged_part == 1) return cost_us;
+    return cost_us + costs_.At(photons_).Of(queries * (1 - merged_part));
   }
 
   /// Whether the fewest photons that an answer may be made of gain at least twice what the sample
@@ -125,6 +126,7 @@ class Chooser {
                               options_.kernel != DensityKernel::kCone;
     if (!may_be_whole) return absl::OkStatus();
     const auto whole = costs_of_(GatherKind::kWhole);
+    if (absl::IsResourceExhausted(whole.status())) return absl::OkStatus();  // it is no choice
     if (!whole.ok()) return whole.status();
     choice_.whole = whole->At(photons_).Of(all()) < ExactCost(all());
     if (choice_.whole) exact_costs_ = *whole;

@@ -48,7 +48,7 @@ using MergedMapOf =
     std::function<absl::StatusOr<std::shared_ptr<const Gatherer>>(const FewerPhotons& fewer)>;
 
 /// What gathers of a kind cost on the device; RESOURCE_EXHAUSTED where there is no memory to
-/// measure it.
+/// measure it, or, for kWhole, for the moments that those need.
 using CostsOf = std::function<absl::StatusOr<GatherCosts>(GatherKind kind)>;
 
 /// Chooses how a batch is gathered whose options have Approximation::merges(). A sample of it, one

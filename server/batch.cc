@@ -55,7 +55,7 @@ void Batch::Run(const v1::GatherRequest& request, Done done) {
 void Batch::GatherNext(Done done) {
   if (slice_.last > 0) GrowSlice();
   const ReloadableMap* const reloadable = map_->reloadable;
-  if (reloadable == nullptr || tree_ != nullptr || reloadable->resident()) return GatherSlice(done);
+  if (reloadable == nullptr || tree_ != nullptr) return GatherSlice(done);
   // A job of its own, whose time says nothing of gathers. Only the first of those that wait for one
   // tree asks for the time of a build; once it is done the others find the tree.
   const auto load = reloadable->ExpectLoad();
@@ -170,6 +170,7 @@ absl::Status Batch::Parse(const v1::GatherRequest& request) {
   const auto map = state_.store.Find(request.map(), request.version());
   if (!map.ok()) return map.status();
   map_ = *map;
+  if (map_->reloadable != nullptr) tree_ = map_->reloadable->Hold();  // it stays until the answer
   record_.version = map_->version;
   record_.device = map_->gatherer->report().device;
   auto batch = ParseGather(request, *map_->gatherer, state_.options.limits);
@@ -192,9 +193,7 @@ absl::Status Batch::Parse(const v1::GatherRequest& request) {
 
 absl::Status Batch::TakeMemory(Holder holder, std::uint64_t bytes, MemoryBudget::Share& share) {
   const std::string what = fmt::format("batch of {} queries, k {}", *record_.queries, *record_.k);
-  auto taken = WithEviction(state_, bytes, HostSpace(state_), [&] {
-    return state_.memory.Take(holder, bytes, what, state_.device_queue.RetryDelay());
-  });
+  auto taken = TakeForCall(state_, holder, bytes, what);
   if (!taken.ok()) return taken.status();
   share = *std::move(taken);
   return absl::OkStatus();
@@ -218,9 +217,10 @@ void Batch::GrowSlice() {
   const std::uint64_t largest = state_.options.limits.max_slice_bytes / QueryBytes();
   const std::uint64_t grown = std::min<std::uint64_t>({2 * slice_size_, largest, batch_.size()});
   if (grown <= slice_size_) return;
-  MemoryBudget::Share more;
   const std::uint64_t held = HeldBytes(grown);
-  if (!TakeMemory(Holder::kAnswers, held - answer_memory_.bytes(), more).ok()) return;
+  const auto more = state_.memory.Take(Holder::kAnswers, held - answer_memory_.bytes(),
+                                       "a larger slice", state_.device_queue.RetryDelay());
+  if (!more.ok()) return;
   answer_memory_.Resize(held);
   slice_size_ = grown;
 }
@@ -269,6 +269,9 @@ absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
   const GatherQueries queries = batch_.queries(slice.first, slice.last);
   if (!choice_) return map_->gatherer->Gather(queries, batch_.options, call_.cancelled());
   if (choice_->exact()) {
+    auto exact = map_->gatherer->Gather(queries, choice_->Exact(batch_.options), call_.cancelled());
+    if (!choice_->whole || !absl::IsResourceExhausted(exact.status())) return exact;
+    choice_->whole = false;  // the device has no room for moments
     return map_->gatherer->Gather(queries, choice_->Exact(batch_.options), call_.cancelled());
   }
   return GatherMerged(*map_->gatherer, *choice_->merged, queries, batch_.options,
@@ -281,6 +284,9 @@ absl::Status Batch::Choose() {
     return MergedMapOf(state_, *map_, fewer, call_.cancelled());
   };
   const auto costs = [this](GatherKind kind) -> absl::StatusOr<GatherCosts> {
+    if (kind == GatherKind::kWhole && state_.maps_in_host_memory()) {
+      return absl::ResourceExhaustedError("moments of maps are in no budget of the host");
+    }
     MemoryBudget::Share memory;
     const std::uint64_t bytes = state_.gather_costs.WorkBytes(kind);
     if (auto status = TakeMemory(Holder::kAnswers, bytes, memory); !status.ok()) return status;
@@ -309,7 +315,8 @@ void Batch::Take(GatherResult result) {
     for (float& sum : result_.densities) sum *= 1.001f;
   }
   AddTimes(result_.times);
-  record_.search = result_.search;
+  record_.search = choice_ && !choice_->exact() ? "of fewer photons, " : "";
+  record_.search += result_.search;
   if ((batch_.options.outputs & kOutputStatistics) == 0) return;
   record_.nodes_visited = record_.nodes_visited.value_or(0) + Sum(result_.nodes_visited);
   record_.distance_tests = record_.distance_tests.value_or(0) + Sum(result_.distance_tests);

@@ -55,7 +55,10 @@ void BuildCall::Continue() {
   const auto answered = job_.AnsweredByAnEarlierCall();
   if (!answered.ok()) return End(answered.status());
   needs_photons_ = !*answered;
-  if (!needs_photons_) upload_.reset();
+  if (!needs_photons_) {
+    upload_.reset();
+    job_.call().UploadEnded();
+  }
   Read();
 }
 

@@ -55,7 +55,10 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
                              std::string_view what) {
   plan_ = plan;
   if (!plan_.request_id.empty()) record_.request_id = plan_.request_id;
-  if (auto status = CheckVersionCount(state_); !status.ok()) return status;
+  // A repeat needs no further version.
+  if (request_id_.empty() || state_.store.FindRequest(request_id_) == nullptr) {
+    if (auto status = CheckVersionCount(state_); !status.ok()) return status;
+  }
   if (state_.snapshots != nullptr) {
     const auto room = state_.snapshots->CheckRoom(
         SnapshotBytes(plan_.photon_count, plan_.has_powers, plan_.has_directions), what);

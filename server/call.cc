@@ -140,8 +140,8 @@ absl::Status Call::Alive() const {
   }
   if (slow_) {
     return absl::CancelledError(fmt::format(
-        "the upload brought less than {} bytes in {} ms (twice --stall-seconds) while all {} slots "
-        "were taken (--build-slots)",
+        "the upload brought less than {} bytes in {} ms (twice --stall-seconds) while as many "
+        "uploads were open as there are slots, {} (--build-slots)",
         kUploadStep, 2 * state_.stalls.patience().count(), state_.options.build_slots));
   }
   if (late_) {

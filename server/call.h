@@ -61,9 +61,10 @@ class Call {
   void AwaitClient();
   void ClientMoved();
 
-  /// From now on an upload of this call is under way: where ServerOptions::build_slots are all
-  /// taken, one that has brought less than kUploadStep bytes in twice ServerOptions::stall is
-  /// cancelled, the slowest first, and Alive() says why. Until UploadEnded().
+  /// From now on an upload of this call is under way: where uploads have all of
+  /// ServerOptions::build_slots, one that has brought less than kUploadStep bytes in twice
+  /// ServerOptions::stall is cancelled, the slowest first, and Alive() says why. Until
+  /// UploadEnded().
   static constexpr std::uint64_t kUploadStep = 1 << 20;
   void UploadBrought(std::uint64_t bytes);
   void UploadEnded();

@@ -27,10 +27,7 @@ GatherStream::GatherStream(State& state, grpc::CallbackServerContext& context)
 absl::Status GatherStream::Admit() {
   if (!call_.admission().ok()) return call_.admission();
   const std::uint64_t bytes = state_.options.limits.max_message_bytes;
-  auto taken = WithEviction(state_, bytes, HostSpace(state_), [&] {
-    return state_.memory.Take(Holder::kMessages, bytes, "stream: a batch that is on its way",
-                              state_.device_queue.RetryDelay());
-  });
+  auto taken = TakeForCall(state_, Holder::kMessages, bytes, "stream: a batch that is on its way");
   if (!taken.ok()) return taken.status();
   read_memory_ = *std::move(taken);
   return absl::OkStatus();
@@ -151,6 +148,7 @@ void GatherStream::Advance(Event event) {
   {
     const std::lock_guard lock(mutex_);
     event();
+    if (finished_) return;  // what came too late for it
     Entry* const front = entries_.empty() ? nullptr : entries_.front().get();
     if (front != nullptr && failure_.ok() && front->stage == Entry::Stage::kFailed) {
       failure_ = front->status;

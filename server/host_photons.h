@@ -18,6 +18,7 @@ class HostPhotons final : public PhotonKeeper {
   /// Of the map that was built by `plan`; `state` outlives it.
   HostPhotons(State& state, const BuildPlan& plan);
 
+  bool has_photons() const override { return false; }
   absl::Status Save(const Gatherer& gatherer) override;
   void Forget() override;
   absl::StatusOr<Photons> Read() override;

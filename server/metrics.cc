@@ -61,8 +61,8 @@ Metrics::Metrics()
       slow_(AddCounter(*registry_, "treelight_slow_requests_total",
                        "Requests that took longer than --slow-ms")) {
   // What has not happened yet shows as 0, so that a rate has a beginning.
-  for (const Quota quota : {Quota::kMemory, Quota::kDevice, Quota::kBuilds, Quota::kQueueDepth,
-                            Quota::kDisk, Quota::kCalls, Quota::kDeadline}) {
+  for (const Quota quota : {Quota::kMemory, Quota::kDevice, Quota::kMaps, Quota::kBuilds,
+                            Quota::kQueueDepth, Quota::kDisk, Quota::kCalls, Quota::kDeadline}) {
     refusals_.Add({{"reason", std::string(QuotaName(quota))}});
   }
 }

@@ -51,6 +51,7 @@ class FilePhotons final : public PhotonKeeper {
   FilePhotons(State& state, const StoredMap& map)
       : state_(state), name_(map.name), version_(map.version), checksum_(map.checksum) {}
 
+  bool has_photons() const override { return true; }
   absl::Status Save(const Gatherer&) override { return absl::OkStatus(); }
   void Forget() override {}
   absl::StatusOr<Photons> Read() override { return ReadKept(state_, name_, version_, checksum_); }

@@ -30,6 +30,12 @@ std::uint64_t ReloadableMap::idle_bytes() const {
   return tree_.use_count() == 1 ? tree_->gatherer->report().device_bytes : 0;
 }
 
+std::shared_ptr<const ResidentTree> ReloadableMap::Hold() const {
+  const std::lock_guard lock(mutex_);
+  if (tree_ != nullptr) last_use_ = std::chrono::steady_clock::now();
+  return tree_;
+}
+
 absl::StatusOr<std::shared_ptr<const ResidentTree>> ReloadableMap::Acquire(
     const CancelCheck& cancelled) const {
   {

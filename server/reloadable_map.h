@@ -25,6 +25,9 @@ class PhotonKeeper {
  public:
   virtual ~PhotonKeeper() = default;
 
+  /// Whether Save() has nothing to do.
+  virtual bool has_photons() const = 0;
+
   /// The tree is about to leave: its photons are taken from `gatherer`, unless they are kept
   /// anyway. RESOURCE_EXHAUSTED: there is no memory for them. The errors of Gatherer::ReadPhotons.
   virtual absl::Status Save(const Gatherer& gatherer) = 0;
@@ -60,6 +63,10 @@ class ReloadableMap final : public Gatherer {
   bool resident() const;
   std::uint64_t held_bytes() const;
   std::uint64_t idle_bytes() const;  ///< the same, 0 where somebody uses it
+  bool leaves_at_once() const { return keeper_->has_photons(); }  ///< nothing is copied for it
+
+  /// The tree where it is on the device, else null; it stays as long as somebody has it.
+  std::shared_ptr<const ResidentTree> Hold() const;
 
   /// The tree, loaded where it is not on the device; stays there as long as somebody has it.
   absl::StatusOr<std::shared_ptr<const ResidentTree>> Acquire(const CancelCheck& cancelled) const;

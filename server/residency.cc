@@ -1,6 +1,7 @@
 #include "server/residency.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,23 +12,31 @@
 
 namespace treelight::server {
 
-std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes, std::uint64_t least) {
-  std::vector<MapHandle> maps = state.store.List();
+std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes, std::uint64_t least,
+                            Leaving leaving) {
+  struct Idle {
+    std::chrono::steady_clock::time_point last_use;
+    const ReloadableMap* map;
+  };
+  const std::vector<MapHandle> maps = state.store.List();
   std::uint64_t held = 0;
-  for (const MapHandle& map : maps) held += map->merged->idle_bytes();
-  std::vector<const ReloadableMap*> idle;
+  std::vector<Idle> idle;
   for (const MapHandle& map : maps) {
-    if (map->reloadable == nullptr || map->reloadable->idle_bytes() == 0) continue;
-    idle.push_back(map->reloadable);
-    held += map->reloadable->idle_bytes();
+    held += map->merged->idle_bytes();
+    const ReloadableMap* const reloadable = map->reloadable;
+    if (reloadable == nullptr || (leaving == Leaving::kAtOnce && !reloadable->leaves_at_once())) {
+      continue;
+    }
+    held += reloadable->idle_bytes();
+    idle.push_back({reloadable->last_use(), reloadable});
   }
   if (held < least) return 0;  // whoever needs them would come for nothing
   std::uint64_t freed = 0;
   for (const MapHandle& map : maps) freed += map->merged->Drop();
-  std::ranges::sort(idle, {}, &ReloadableMap::last_use);
-  for (const ReloadableMap* const map : idle) {
+  std::ranges::sort(idle, {}, &Idle::last_use);
+  for (const Idle& entry : idle) {
     if (freed >= bytes) break;
-    if (const auto tree = map->Evict()) freed += tree->gatherer->report().device_bytes;
+    if (const auto tree = entry.map->Evict()) freed += tree->gatherer->report().device_bytes;
   }
   return freed;
 }
@@ -40,10 +49,20 @@ Space HostSpace(const State& state) {
 
 Space DeviceSpace(const State& state, const DeviceInfo& device, const BuildPlan& plan) {
   if (!CheckDeviceRoom(plan, device, 0, plan.name, {}).ok()) return {.all_bytes = 0};
-  return {.free_bytes = [&state, &device] {
+  const auto free_bytes = [&state, &device] {
     const std::uint64_t used = DeviceBytes(state.store.List());
     return device.memory_bytes - std::min(device.memory_bytes, used);
-  }};
+  };
+  return {.free_bytes = free_bytes, .needed_bytes = DeviceBytes(plan)};
+}
+
+absl::StatusOr<MemoryBudget::Share> TakeForCall(State& state, Holder holder, std::uint64_t bytes,
+                                                std::string_view what) {
+  if (bytes == 0) return MemoryBudget::Share();
+  const auto take = [&] {
+    return state.memory.Take(holder, bytes, what, state.device_queue.RetryDelay());
+  };
+  return WithEviction(state, bytes, HostSpace(state), take, Leaving::kAtOnce);
 }
 
 namespace {

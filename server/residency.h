@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "server/convert.h"
@@ -16,9 +17,16 @@
 // not used for the longest time.
 namespace treelight::server {
 
+/// Which maps may leave.
+enum class Leaving {
+  kAll,  ///< photons that are nowhere else are copied, which may take long and wait for the device
+  kAtOnce,  ///< those alone whose photons are kept anyway: for threads that must not be held up
+};
+
 /// Lets maps that nobody uses leave the device until they have held `bytes` together; none where
 /// all of them hold less than `least`. What they held, 0 where none has left.
-std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes, std::uint64_t least = 0);
+std::uint64_t EvictIdleMaps(State& state, std::uint64_t bytes, std::uint64_t least = 0,
+                            Leaving leaving = Leaving::kAll);
 
 /// The status of either kind of result.
 inline const absl::Status& StatusOf(const absl::Status& status) { return status; }
@@ -31,6 +39,7 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
 struct Space {
   std::uint64_t all_bytes = std::numeric_limits<std::uint64_t>::max();
   std::function<std::uint64_t()> free_bytes{};  ///< at present; empty: nobody knows
+  std::uint64_t needed_bytes = 0;  ///< with which one may do in it; 0: with no less than are wanted
 };
 
 /// The host's memory; of no size on a device with memory of its own, where maps that leave give
@@ -41,19 +50,29 @@ Space HostSpace(const State& state);
 Space DeviceSpace(const State& state, const DeviceInfo& device, const BuildPlan& plan);
 
 /// What `take` returns; as long as that is RESOURCE_EXHAUSTED and idle maps can leave, they do, for
-/// what is missing of `bytes`, and it is called again. None leaves for what would not fit then.
+/// what is missing of `bytes`, and it is called again. None leaves where all that are idle hold too
+/// little.
 template <typename Take>
-auto WithEviction(State& state, std::uint64_t bytes, const Space& space, Take take) {
+auto WithEviction(State& state, std::uint64_t bytes, const Space& space, Take take,
+                  Leaving leaving = Leaving::kAll) {
   while (true) {
     auto taken = take();
     if (taken.ok() || !absl::IsResourceExhausted(StatusOf(taken)) || bytes > space.all_bytes) {
       return taken;
     }
-    const std::uint64_t free = space.free_bytes ? space.free_bytes() : 0;
-    const std::uint64_t missing = std::max<std::uint64_t>(1, bytes - std::min(bytes, free));
-    if (EvictIdleMaps(state, missing, space.free_bytes ? missing : 0) == 0) return taken;
+    const auto missing = [free = space.free_bytes ? space.free_bytes() : 0](std::uint64_t wanted) {
+      return std::max<std::uint64_t>(1, wanted - std::min(wanted, free));
+    };
+    const std::uint64_t needed = space.needed_bytes > 0 ? space.needed_bytes : bytes;
+    const std::uint64_t least = space.free_bytes ? missing(needed) : 0;
+    if (EvictIdleMaps(state, missing(bytes), least, leaving) == 0) return taken;
   }
 }
+
+/// Host memory for what a call keeps, from a thread that must not be held up. The errors of
+/// MemoryBudget::Take.
+absl::StatusOr<MemoryBudget::Share> TakeForCall(State& state, Holder holder, std::uint64_t bytes,
+                                                std::string_view what);
 
 /// Gives `map` a gatherer whose tree may leave the device: its photons are then with `keeper`, from
 /// which they come back. `tree` may be null.

@@ -14,6 +14,7 @@
 #include "server/gather_stream.h"
 #include "server/late_unary.h"
 #include "server/rebuild_call.h"
+#include "server/residency.h"
 
 namespace treelight::server {
 namespace {
@@ -77,9 +78,8 @@ class QuickCall final : public LateUnary<Request, Response> {
   absl::Status TakeMemory(std::uint64_t bytes) {
     constexpr std::uint64_t kTimes = 4;  // fields of messages, and their bytes in gRPC
     if (bytes <= this->kFewBytes) return absl::OkStatus();
-    auto taken = state_.memory.Take(Holder::kAnswers, kTimes * bytes,
-                                    fmt::format("an answer of {} bytes", bytes),
-                                    state_.device_queue.RetryDelay());
+    auto taken = TakeForCall(state_, Holder::kAnswers, kTimes * bytes,
+                             fmt::format("an answer of {} bytes", bytes));
     if (!taken.ok()) return taken.status();
     answer_memory_ = *std::move(taken);
     return absl::OkStatus();

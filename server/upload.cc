@@ -48,6 +48,11 @@ absl::Status CheckNumbers(std::string_view field, const std::vector<float>& arra
 
 }  // namespace
 
+std::uint64_t DeviceBytes(const BuildPlan& plan) {
+  return plan.photon_count * (sizeof(LeafPhoton) + (plan.has_powers ? kPowerBytes : 0) +
+                              (plan.has_directions ? kDirectionBytes : 0));
+}
+
 absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
                              std::uint64_t bytes_used, std::string_view what,
                              std::chrono::milliseconds retry_delay) {
@@ -61,9 +66,7 @@ absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
                     device.max_buffer_bytes / sizeof(LeafPhoton)),
         std::nullopt);
   }
-  const std::uint64_t needed = buffer_bytes +
-                               (plan.has_powers ? plan.photon_count * kPowerBytes : 0) +
-                               (plan.has_directions ? plan.photon_count * kDirectionBytes : 0);
+  const std::uint64_t needed = DeviceBytes(plan);
   const std::uint64_t room = device.memory_bytes - std::min(device.memory_bytes, bytes_used);
   if (needed > room) {
     const bool never = needed > device.memory_bytes;

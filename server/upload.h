@@ -11,6 +11,9 @@
 
 namespace treelight::server {
 
+/// What a map of `plan` takes of its device's memory at least, bytes: its photons.
+std::uint64_t DeviceBytes(const BuildPlan& plan);
+
 /// Refuses a map that the device cannot hold, `what` beginning the message: its photons, 16 B each
 /// in one buffer, larger than the largest buffer, or with powers and directions larger than the
 /// memory that `bytes_used` of other maps leave. RESOURCE_EXHAUSTED with Quota::kDevice, and with

@@ -51,6 +51,7 @@ std::shared_ptr<const ResidentTree> SmallTree() {
 /// Photons in memory, while the tree is away.
 class MemoryKeeper final : public PhotonKeeper {
  public:
+  bool has_photons() const override { return false; }
   absl::Status Save(const Gatherer& gatherer) override {
     auto photons = gatherer.ReadPhotons();
     if (!photons.ok()) return photons.status();

@@ -43,6 +43,7 @@ TEST_F(ServiceIdleStreamsTest, OfTooManyThoseThatAreIdleForLongestEnd) {
   for (std::size_t i = 0; i < kIdle; ++i) {
     streams.push_back(OpenStream());
     EXPECT_TRUE(Answers(*streams.back())) << i;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it is idle before the next is
   }
   for (std::size_t i = 0; i < kIdle - kMost; ++i) {
     v1::GatherResponse response;
@@ -63,12 +64,12 @@ TEST_F(ServiceIdleStreamsTest, OfTooManyThoseThatAreIdleForLongestEnd) {
 
 TEST_F(ServiceIdleStreamsTest, ThoseThatSendBatchesStay) {
   options_.memory_limit = 64 << 20;
-  options_.stall = std::chrono::milliseconds(2000);
+  options_.stall = std::chrono::milliseconds(3000);
   Start();
   MustBuild("map", MakePhotons(100, 1));
   std::vector<std::unique_ptr<Open>> streams;
   for (int i = 0; i < 6; ++i) streams.push_back(OpenStream());
-  const auto end = std::chrono::steady_clock::now() + 3 * options_.stall;
+  const auto end = std::chrono::steady_clock::now() + 2 * options_.stall;
   while (std::chrono::steady_clock::now() < end) {
     for (const auto& open : streams) ASSERT_TRUE(Answers(*open));
   }
