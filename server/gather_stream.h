@@ -17,7 +17,8 @@ namespace treelight::server {
 /// At most two batches are here: the one being answered and the one read ahead, which is gathered
 /// while the first one's parts are written. A third is read once the first is answered, so a client
 /// that sends faster than it is answered is held back by HTTP/2's flow control. One that does not
-/// take its answers is cut off after ServerOptions::stall.
+/// take its answers is cut off after ServerOptions::stall; of more than State::most_idle_streams()
+/// that have no batch those end that have had none for longest, and for that long.
 class GatherStream final : public grpc::ServerBidiReactor<v1::GatherRequest, v1::GatherResponse> {
  public:
   GatherStream(State& state, grpc::CallbackServerContext& context);

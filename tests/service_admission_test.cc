@@ -89,7 +89,12 @@ TEST_F(ServiceAdmissionTest, AVersionMoreThanItKeepsIsRefusedUntilOneGoes) {
   constexpr std::uint64_t kMost = 256;  // an eighth of the limit, 8 KiB each
   StartGated();
   const Photons photon = MakePhotons(1, 1);
-  for (std::uint64_t i = 1; i < kMost; ++i) ASSERT_EQ(MustBuild("many", photon).version(), i);
+  for (std::uint64_t i = 1; i < kMost - 1; ++i) ASSERT_EQ(MustBuild("many", photon).version(), i);
+  auto last = MakeUpload("many", photon);
+  last[0].mutable_header()->set_request_id("last");
+  v1::BuildPhotonMapResponse built;
+  ASSERT_TRUE(Build(*stub_, last, built).ok());
+  ASSERT_EQ(built.map().version(), kMost - 1);
   // No chunk is sent: the answer does not wait for one.
   const auto status = OpenUpload(*stub_, MakeUpload("many", photon)[0]).Finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
@@ -98,6 +103,10 @@ TEST_F(ServiceAdmissionTest, AVersionMoreThanItKeepsIsRefusedUntilOneGoes) {
             "delete maps, or give them a time to live");
   EXPECT_EQ(ReadDetails(status).quota, "maps");
   EXPECT_EQ(ReadDetails(status).retry_seconds, -1);  // time does not help
+  // A repeat needs no version.
+  v1::BuildPhotonMapResponse repeated;
+  EXPECT_TRUE(Build(*stub_, last, repeated).ok());
+  EXPECT_EQ(repeated.map().version(), kMost - 1);
   v1::RebuildPhotonMapRequest rebuild;
   rebuild.set_name("cloud");
   rebuild.set_new_name("cloud2");
