@@ -98,9 +98,10 @@ struct State {
   }
 
   /// Streams that may wait for their next batch at once, each with room for a message: a quarter of
-  /// the memory, and two in any case.
+  /// the memory and of the calls that may be open, and two in any case.
   std::size_t most_idle_streams() const {
-    return std::max<std::size_t>(2, memory.room_bytes() / 4 / options.limits.max_message_bytes);
+    const std::uint64_t by_memory = memory.room_bytes() / 4 / options.limits.max_message_bytes;
+    return std::max<std::size_t>(2, std::min<std::uint64_t>(by_memory, options.max_calls / 4));
   }
 
   /// Whether maps lie in host memory, as they do on a CPU.

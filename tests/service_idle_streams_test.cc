@@ -33,9 +33,18 @@ class ServiceIdleStreamsTest : public ServerTest {
   const std::vector<float> points_ = MakePoints(5, 1);
 };
 
-TEST_F(ServiceIdleStreamsTest, OfTooManyThoseThatAreIdleForLongestEnd) {
+/// Memory and calls of which a quarter is three streams.
+struct Limits {
+  std::uint64_t memory_limit;
+  std::size_t max_calls;
+};
+class ServiceIdleStreamsLimitTest : public ServiceIdleStreamsTest,
+                                    public ::testing::WithParamInterface<Limits> {};
+
+TEST_P(ServiceIdleStreamsLimitTest, OfTooManyThoseThatAreIdleForLongestEnd) {
   constexpr std::size_t kMost = 3, kIdle = 8;
-  options_.memory_limit = 64 << 20;  // a quarter of what is not kept for requests: three messages
+  options_.memory_limit = GetParam().memory_limit;
+  options_.max_calls = GetParam().max_calls;
   options_.stall = std::chrono::milliseconds(300);
   Start();
   MustBuild("map", MakePhotons(100, 1));
@@ -61,6 +70,9 @@ TEST_F(ServiceIdleStreamsTest, OfTooManyThoseThatAreIdleForLongestEnd) {
     EXPECT_TRUE(streams[i]->stream->Finish().ok()) << i;
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Few, ServiceIdleStreamsLimitTest,
+                         ::testing::Values(Limits{64 << 20, 1024}, Limits{1 << 30, 12}));
 
 TEST_F(ServiceIdleStreamsTest, ThoseThatSendBatchesStay) {
   options_.memory_limit = 64 << 20;
