@@ -14,7 +14,7 @@
 #include "server/gather_together.h"
 #include "server/guard.h"
 #include "server/merged_map_of.h"
-#include "server/residency.h"
+#include "server/room.h"
 
 namespace treelight::server {
 namespace {

@@ -12,6 +12,7 @@
 #include "server/persistence.h"
 #include "server/refusal.h"
 #include "server/residency.h"
+#include "server/room.h"
 #include "server/upload.h"
 
 namespace treelight::server {
@@ -65,28 +66,17 @@ absl::Status BuildJob::Admit(const BuildPlan& plan, std::uint64_t photon_bytes,
     if (!room.ok()) return room;
   }
   if (auto status = state_.device_queue.Check(Ask()); !status.ok()) return status;
-  const auto retry_delay = state_.device_queue.RetryDelay();
-  auto slot = state_.build_slots.Take(retry_delay);
+  auto slot = state_.build_slots.Take(state_.device_queue.RetryDelay());
   if (!slot.ok()) return slot.status();
   slot_ = *std::move(slot);
   const std::uint64_t map_bytes = state_.maps_in_host_memory() ? MapBytes(plan_) : 0;
   std::uint64_t work_bytes = state_.builder->WorkBytes(plan_.options, plan_.photon_count);
   if (plan_.automatic) work_bytes += state_.chooser.WorkBytes(*plan_.automatic);
   const std::uint64_t all_bytes = photon_bytes + work_bytes + map_bytes;
-  auto memory = WithEviction(state_, all_bytes, HostSpace(state_), [&] {
-    return state_.memory.Take(Holder::kUploads, all_bytes, what, retry_delay);
-  });
+  auto memory = TakeHostMemory(state_, Holder::kUploads, all_bytes, what);
   if (!memory.ok()) return memory.status();
   // After the host's memory, of which maps that leave the device take some.
-  if (!state_.options.devices.empty()) {
-    const DeviceInfo& device = state_.options.devices[state_.options.device_index];
-    const Space space = DeviceSpace(state_, device, plan_);
-    const auto room = WithEviction(state_, MapBytes(plan_), space, [&] {
-      return CheckDeviceRoom(plan_, device, DeviceBytes(state_.store.List()), what,
-                             state_.device_queue.RetryDelay());
-    });
-    if (!room.ok()) return room;
-  }
+  if (auto status = MakeDeviceRoom(state_, plan_, what); !status.ok()) return status;
   photon_memory_ = *std::move(memory);
   map_memory_ = photon_memory_.Split(Holder::kMaps, map_bytes);
   return absl::OkStatus();
@@ -205,9 +195,7 @@ absl::StatusOr<std::unique_ptr<Gatherer>> BuildJob::BuildMap(const PhotonSource&
   v1::Timings& timings = record_.timings;
   timings.set_download_us(reading.microseconds());
   if (auto status = Choose(); !status.ok()) return status;
-  auto gatherer = WithEviction(state_, MapBytes(plan_), Space{}, [&] {
-    return state_.builder->Build(photons_, plan_.options, call_.cancelled());
-  });
+  auto gatherer = BuildWithRoom(state_, photons_, plan_, plan_.options, call_.cancelled());
   if (!gatherer.ok()) return gatherer.status();
   const auto& stages = (*gatherer)->report().stages;
   record_.stages.insert(record_.stages.end(), stages.begin(), stages.end());

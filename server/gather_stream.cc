@@ -7,7 +7,7 @@
 #include "fmt/format.h"
 #include "server/guard.h"
 #include "server/refusal.h"
-#include "server/residency.h"
+#include "server/room.h"
 
 namespace treelight::server {
 namespace {

@@ -6,7 +6,7 @@
 #include "core/model/merge_photons.h"
 #include "core/model/thin_photons.h"
 #include "fmt/format.h"
-#include "server/residency.h"
+#include "server/room.h"
 #include "server/upload.h"
 
 namespace treelight::server {
@@ -23,20 +23,13 @@ BuildPlan PlanOf(const StoredMap& map, std::uint64_t photon_count) {
           .request_id = {}};
 }
 
-absl::StatusOr<MemoryBudget::Share> TakeMemory(State& state, Holder holder, std::uint64_t bytes,
-                                               const std::string& what) {
-  return WithEviction(state, bytes, HostSpace(state), [&] {
-    return state.memory.Take(holder, bytes, what, state.device_queue.RetryDelay());
-  });
-}
-
 /// Fewer photons of `map`; the copies that they are made of are paid for meanwhile.
 absl::StatusOr<Photons> Reduce(State& state, const StoredMap& map, const FewerPhotons& fewer,
                                const std::string& what) {
   const bool merges = fewer.kind == FewerPhotons::Kind::kMerged;
   const BuildPlan whole = PlanOf(map, map.gatherer->photon_count());
-  const auto memory = TakeMemory(state, Holder::kUploads,
-                                 (merges ? MapBytes(whole) : 0) + 2 * PhotonBytes(whole), what);
+  const auto memory = TakeHostMemory(state, Holder::kUploads,
+                                     (merges ? MapBytes(whole) : 0) + 2 * PhotonBytes(whole), what);
   if (!memory.ok()) return memory.status();
   const auto photons = map.gatherer->ReadPhotons();
   if (!photons.ok()) return photons.status();
@@ -57,25 +50,15 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const Sto
   if (!photons.ok()) return photons.status();
   if (cancelled && cancelled()) return absl::CancelledError("gather cancelled");
   const BuildPlan plan = PlanOf(map, photons->size());
-  const std::uint64_t bytes = MapBytes(plan);
-  if (!state.options.devices.empty()) {
-    const DeviceInfo& device = state.options.devices[state.options.device_index];
-    const auto status = WithEviction(state, bytes, DeviceSpace(state, device, plan), [&] {
-      return CheckDeviceRoom(plan, device, DeviceBytes(state.store.List()), what,
-                             state.device_queue.RetryDelay());
-    });
-    if (!status.ok()) return status;
-  }
+  if (auto status = MakeDeviceRoom(state, plan, what); !status.ok()) return status;
   // The photons, what building takes, and the map.
-  const std::uint64_t held_bytes = state.maps_in_host_memory() ? bytes : 0;
+  const std::uint64_t held_bytes = state.maps_in_host_memory() ? MapBytes(plan) : 0;
   const std::uint64_t work_bytes =
       PhotonBytes(plan) + state.builder->WorkBytes(plan.options, plan.photon_count);
-  auto memory = TakeMemory(state, Holder::kUploads, work_bytes + held_bytes, what);
+  auto memory = TakeHostMemory(state, Holder::kUploads, work_bytes + held_bytes, what);
   if (!memory.ok()) return memory.status();
   MemoryBudget::Share held = memory->Split(Holder::kMaps, held_bytes);
-  auto gatherer = WithEviction(state, bytes, Space{}, [&] {
-    return state.builder->Build(*photons, plan.options, cancelled);
-  });
+  auto gatherer = BuildWithRoom(state, *photons, plan, plan.options, cancelled);
   if (!gatherer.ok()) return gatherer.status();
   if (state.maps_in_host_memory()) held.Resize((*gatherer)->report().device_bytes);
   return std::make_shared<const ResidentTree>(

@@ -14,7 +14,7 @@
 #include "server/gather_stream.h"
 #include "server/late_unary.h"
 #include "server/rebuild_call.h"
-#include "server/residency.h"
+#include "server/room.h"
 
 namespace treelight::server {
 namespace {
