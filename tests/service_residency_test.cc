@@ -52,29 +52,34 @@ class ServiceResidencyTest : public ServerTest {
     grpc::ClientContext context;
     return stub_->Gather(&context, MakeBatch(name, queries_, {.k = 5, .outputs = 31}), &response);
   }
-  /// Gathers, with statistics, which tell one tree from another.
+  /// Waits until the metrics have `line`; with ServerOptions::metrics_listen, as what waits by it.
+  void WaitFor(const std::string& line) {
+    EXPECT_TRUE(Eventually([&] {
+      return HttpGet(server_->metrics_port(), "/metrics").find(line + "\n") != std::string::npos;
+    })) << line;
+  }
+  /// Gathers, with statistics, which tell one tree from another, and waits until the call has let
+  /// go of its map, a moment after the answer.
   std::string Answer(const std::string& name) {
     v1::GatherResponse response;
     const auto status = GatherAll(name, response);
     EXPECT_TRUE(status.ok()) << name << ": " << status.error_message();
+    WaitFor("treelight_open_calls 0");
     response.clear_timings();
     return response.SerializeAsString();
   }
 
   /// Builds, and waits until what the upload has taken is given back, a moment after the answer.
-  /// With ServerOptions::metrics_listen.
   void BuildAndWait(const std::string& name, const Photons& photons) {
     MustBuild(name, photons);
-    EXPECT_TRUE(Eventually([&] {
-      return HttpGet(server_->metrics_port(), "/metrics").find("{holder=\"uploads\"} 0\n") !=
-             std::string::npos;
-    }));
+    WaitFor("treelight_memory_held_bytes{holder=\"uploads\"} 0");
   }
 
   const std::vector<float> queries_ = MakePoints(20, 9);
 };
 
 TEST_F(ServiceResidencyTest, IdleMapsLeaveTheDeviceForHostMemoryAndComeBack) {
+  options_.metrics_listen = "127.0.0.1:0";
   StartOn("gpu", 2 * kMapBytes + kRest);
   std::vector<std::string> answers;
   for (std::uint32_t i = 0; i < 5; ++i) {
@@ -192,6 +197,7 @@ TEST_F(ServiceResidencyTest, IdleMapsOfACpuLeaveForGathersToo) {
 }
 
 TEST_F(ServiceResidencyTest, AMapThatIsAwayIsRebuiltFromAndDeleted) {
+  options_.metrics_listen = "127.0.0.1:0";
   StartOn("gpu", kMapBytes + kRest);
   const Photons photons = MakePhotons(kCount, 1);
   MustBuild("away", photons);
