@@ -136,27 +136,15 @@ BuildOptions LargestBuild(const AutoBuild& asked, BuildOptions options) {
 }
 
 std::uint64_t BuildChooser::WorkBytes(const AutoBuild& asked) const {
-  return Find(MeasuredK(asked.expected_k)) ? 0 : kMeasureBytes;
-}
-
-std::optional<BuildCosts> BuildChooser::Find(std::uint32_t k) const {
-  const std::lock_guard lock(mutex_);
-  const auto found = costs_.find(k);
-  return found == costs_.end() ? std::nullopt : std::optional(found->second);
+  return costs_.contains(MeasuredK(asked.expected_k)) ? 0 : kMeasureBytes;
 }
 
 absl::StatusOr<BuildChoice> BuildChooser::Choose(const Photons& photons, const AutoBuild& asked,
                                                  const BuildOptions& options,
                                                  const CancelCheck& cancelled) {
   const std::uint32_t k = MeasuredK(asked.expected_k);
-  auto costs = Find(k);
-  if (!costs) {
-    // Without the lock, which others need for less long than this takes.
-    const auto measured = MeasureBuildCosts(builder_, k, cancelled);
-    if (!measured.ok()) return measured.status();
-    const std::lock_guard lock(mutex_);
-    costs = costs_.emplace(k, *measured).first->second;
-  }
+  const auto costs = costs_.Find(k, [&] { return MeasureBuildCosts(builder_, k, cancelled); });
+  if (!costs.ok()) return costs.status();
   const std::uint32_t leaf_size =
       asked.max_leaf_size > 0 ? asked.max_leaf_size : kTreeCandidates.front().max_leaf_size;
   return ChooseBuild(*costs, CountSharedCells(photons.positions, leaf_size), photons.size(), asked,

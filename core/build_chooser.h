@@ -2,8 +2,6 @@
 #define TREELIGHT_CORE_BUILD_CHOOSER_H_
 
 #include <cstdint>
-#include <map>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "core/build_costs.h"
 #include "core/builder.h"
+#include "core/measured_costs.h"
 
 namespace treelight {
 
@@ -68,11 +67,8 @@ class BuildChooser {
   std::uint64_t WorkBytes(const AutoBuild& asked) const;
 
  private:
-  std::optional<BuildCosts> Find(std::uint32_t k) const;
-
   Builder& builder_;
-  mutable std::mutex mutex_;                   // never held while something is measured
-  std::map<std::uint32_t, BuildCosts> costs_;  // guarded by mutex_; by k, see MeasuredK
+  MeasuredCosts<std::uint32_t, BuildCosts> costs_;  // by k, see MeasuredK
 };
 
 }  // namespace treelight

@@ -105,18 +105,10 @@ absl::StatusOr<GatherCosts> MeasureGatherCosts(Builder& builder, GatherKind kind
 
 absl::StatusOr<GatherCosts> GatherCostsOfDevice::Find(GatherKind kind,
                                                       const CancelCheck& cancelled) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (const auto found = costs_.find(kind); found != costs_.end()) return found->second;
-  }
-  const auto measured = MeasureGatherCosts(builder_, kind, cancelled);
-  if (!measured.ok()) return measured.status();
-  const std::lock_guard lock(mutex_);
-  return costs_.emplace(kind, *measured).first->second;
+  return costs_.Find(kind, [&] { return MeasureGatherCosts(builder_, kind, cancelled); });
 }
 
 std::uint64_t GatherCostsOfDevice::WorkBytes(GatherKind kind) const {
-  const std::lock_guard lock(mutex_);
   return costs_.contains(kind) ? 0 : kMeasureBytes;
 }
 

@@ -4,12 +4,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <map>
-#include <mutex>
 
 #include "absl/status/statusor.h"
 #include "core/builder.h"
 #include "core/gatherer.h"
+#include "core/measured_costs.h"
 
 namespace treelight {
 
@@ -63,8 +62,7 @@ class GatherCostsOfDevice {
 
  private:
   Builder& builder_;
-  mutable std::mutex mutex_;                 // never held while something is measured
-  std::map<GatherKind, GatherCosts> costs_;  // guarded by mutex_
+  MeasuredCosts<GatherKind, GatherCosts> costs_;
 };
 
 }  // namespace treelight
