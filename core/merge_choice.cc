@@ -74,7 +74,9 @@ class Chooser {
  private:
   double all() const { return static_cast<double>(queries_.size()); }
   double sampled() const { return static_cast<double>(count_); }
-  double ExactCost(double queries) const { return exact_costs_.At(photons_).Of(queries); }
+  double ExactCost(double queries) const {
+    return (choice_.whole ? whole_costs_ : costs_).At(photons_).Of(queries);
+  }
 
   /// Of `queries` that find so many merged photons, but for a part that is answered exactly.
   double MergedCost(double merged_photons, double merged_part, double queries) const {
@@ -120,7 +122,7 @@ class Chooser {
   absl::Status FindCosts() {
     const auto costs = costs_of_(options_.k > 0 ? GatherKind::kNearest : GatherKind::kWithin);
     if (!costs.ok()) return costs.status();
-    costs_ = exact_costs_ = *costs;
+    costs_ = *costs;
     // Normals leave out photons, and moments know of none; the cone's sums are not exact.
     const bool may_be_whole = options_.k == 0 && queries_.normals.empty() && map_.has_powers() &&
                               options_.kernel != DensityKernel::kCone;
@@ -128,23 +130,13 @@ class Chooser {
     const auto whole = costs_of_(GatherKind::kWhole);
     if (absl::IsResourceExhausted(whole.status())) return absl::OkStatus();  // it is no choice
     if (!whole.ok()) return whole.status();
-    choice_.whole = whole->At(photons_).Of(all()) < ExactCost(all());
-    if (choice_.whole) exact_costs_ = *whole;
+    whole_costs_ = *whole;
+    choice_.whole = whole_costs_.At(photons_).Of(all()) < costs_.At(photons_).Of(all());
     return absl::OkStatus();
   }
 
   absl::Status AnswerExactly() {
-    const auto gather = [this] {
-      GatherOptions exact = choice_.Exact(options_);
-      exact.outputs |= kOutputCount;
-      return map_.Gather(sample_.view(), exact, cancelled_);
-    };
-    auto exact = gather();
-    if (choice_.whole && absl::IsResourceExhausted(exact.status())) {  // no room for moments
-      choice_.whole = false;
-      exact_costs_ = costs_;
-      exact = gather();
-    }
+    auto exact = GatherExactly(map_, choice_, sample_.view(), ExactOptions(options_), cancelled_);
     if (!exact.ok()) return exact.status();
     exact_ = *std::move(exact);
     choice_.times += exact_.times;
@@ -197,7 +189,7 @@ class Chooser {
   const bool keeps_error_;
   const std::size_t count_;  // queries of the sample
   const SomeQueries sample_;
-  GatherCosts costs_, exact_costs_;  // of merged photons and of all; where an error is kept
+  GatherCosts costs_, whole_costs_;  // photon by photon, and by whole subtrees; to keep an error
   GatherResult exact_;
   double photons_ = 0;   // that a query finds, mean
   double spent_us_ = 0;  // on the sample
@@ -223,11 +215,20 @@ std::string_view NameOf(ExactReason reason) {
   return "unknown";
 }
 
-GatherOptions MergeChoice::Exact(const GatherOptions& options) const {
-  GatherOptions exact = ExactOptions(options);
-  exact.outputs = options.outputs;
-  if (whole) exact.approximation.weight_tolerance = kWholeTolerance;
-  return exact;
+absl::StatusOr<GatherResult> GatherExactly(const Gatherer& map, MergeChoice& choice,
+                                           const GatherQueries& queries,
+                                           const GatherOptions& options,
+                                           const CancelCheck& cancelled) {
+  GatherOptions exact = options;
+  exact.approximation = {};
+  if (choice.whole) {
+    exact.approximation.weight_tolerance = kWholeTolerance;
+    auto result = map.Gather(queries, exact, cancelled);
+    if (!absl::IsResourceExhausted(result.status())) return result;
+    choice.whole = false;
+    exact.approximation = {};
+  }
+  return map.Gather(queries, exact, cancelled);
 }
 
 absl::StatusOr<MergeChoice> ChooseMerge(const Gatherer& map, const MergedMapOf& merged_map,

@@ -39,9 +39,14 @@ struct MergeChoice {
   GatherTimes times;          ///< of the sample
 
   bool exact() const { return fewer.group_size == 0; }
-  /// Of a batch with `options` that is answered exactly.
-  GatherOptions Exact(const GatherOptions& options) const;
 };
+
+/// Answers `queries` exactly, as `choice` says; where the device has no room to add up subtrees
+/// whole, photon by photon, and so from then on. The errors of Gatherer::Gather.
+absl::StatusOr<GatherResult> GatherExactly(const Gatherer& map, MergeChoice& choice,
+                                           const GatherQueries& queries,
+                                           const GatherOptions& options,
+                                           const CancelCheck& cancelled = {});
 
 /// The map of fewer photons; RESOURCE_EXHAUSTED where there is no memory for it.
 using MergedMapOf =

@@ -269,10 +269,7 @@ absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
   const GatherQueries queries = batch_.queries(slice.first, slice.last);
   if (!choice_) return map_->gatherer->Gather(queries, batch_.options, call_.cancelled());
   if (choice_->exact()) {
-    auto exact = map_->gatherer->Gather(queries, choice_->Exact(batch_.options), call_.cancelled());
-    if (!choice_->whole || !absl::IsResourceExhausted(exact.status())) return exact;
-    choice_->whole = false;  // the device has no room for moments
-    return map_->gatherer->Gather(queries, choice_->Exact(batch_.options), call_.cancelled());
+    return GatherExactly(*map_->gatherer, *choice_, queries, batch_.options, call_.cancelled());
   }
   return GatherMerged(*map_->gatherer, *choice_->merged, queries, batch_.options,
                       call_.cancelled());

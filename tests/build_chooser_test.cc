@@ -1,6 +1,5 @@
 #include "core/build_chooser.h"
 
-#include <atomic>
 #include <future>
 #include <map>
 #include <random>
@@ -11,6 +10,7 @@
 #include "core/model/morton.h"
 #include "gtest/gtest.h"
 #include "tests/clouds.h"
+#include "tests/counting_builder.h"
 #include "tests/test_device.h"
 
 namespace treelight {
@@ -142,21 +142,6 @@ TEST(MeasureBuildCostsTest, EveryCandidateCostsSomethingOnEachDevice) {
     }
   }
 }
-
-/// Counts builds, and passes them on.
-class CountingBuilder : public Builder {
- public:
-  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
-                                                  const BuildOptions& options,
-                                                  const CancelCheck& cancelled) override {
-    ++builds;
-    return cpu_->Build(photons, options, cancelled);
-  }
-  std::atomic<int> builds = 0;
-
- private:
-  const std::unique_ptr<Builder> cpu_ = MakeCpuBuilder();
-};
 
 TEST(BuildChooserTest, MeasuresOnceForAnOrderOfMagnitudeOfK) {
   CountingBuilder builder;

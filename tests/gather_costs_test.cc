@@ -10,6 +10,8 @@
 #include "gtest/gtest.h"
 #include "tests/answers.h"
 #include "tests/clouds.h"
+#include "tests/counting_builder.h"
+#include "tests/forwarding_gatherer.h"
 #include "tests/merged_maps.h"
 #include "tests/test_device.h"
 
@@ -39,7 +41,7 @@ TEST(MeasureGatherCostsTest, EveryKindOnEachDevice) {
   const auto cpu = MakeCpuBuilder();
   for (Builder* const builder : {cpu.get(), &TestBuilder()}) {
     for (const GatherKind kind : kKinds) {
-      SCOPED_TRACE(testing::Message() << static_cast<int>(kind));
+      SCOPED_TRACE(::testing::Message() << static_cast<int>(kind));
       const auto costs = MeasureGatherCosts(*builder, kind);
       ASSERT_TRUE(costs.ok()) << costs.status();
       for (const GatherCosts::Cost& cost : costs->entries) {
@@ -52,21 +54,6 @@ TEST(MeasureGatherCostsTest, EveryKindOnEachDevice) {
     }
   }
 }
-
-/// Counts builds, and passes them on.
-class CountingBuilder : public Builder {
- public:
-  absl::StatusOr<std::unique_ptr<Gatherer>> Build(const Photons& photons,
-                                                  const BuildOptions& options,
-                                                  const CancelCheck& cancelled) override {
-    ++builds;
-    return cpu_->Build(photons, options, cancelled);
-  }
-  int builds = 0;
-
- private:
-  const std::unique_ptr<Builder> cpu_ = MakeCpuBuilder();
-};
 
 TEST(GatherCostsOfDeviceTest, MeasuresEachKindOnce) {
   CountingBuilder builder;
@@ -97,7 +84,7 @@ CostsOf Costs(double batch_us, double photon_ns, double whole_ns) {
   };
 }
 
-class ChoiceByCosts : public testing::Test {
+class ChoiceByCosts : public ::testing::Test {
  protected:
   const Photons photons_ = MakeCloud(CloudNamed("surfaces"), 20'011, /*seed=*/5);
   const std::vector<float> positions_ = MakeQueries(photons_, 8000, /*seed=*/6);
@@ -132,10 +119,11 @@ TEST_F(ChoiceByCosts, SubtreesAreAddedUpWholeWhereThatIsCheapest) {
   const MergeChoice choice = maps_.Choose(queries_, options, whole_is_free);
   EXPECT_TRUE(choice.exact());
   EXPECT_TRUE(choice.whole);
-  EXPECT_EQ(choice.Exact(options).approximation,
-            (Approximation{.weight_tolerance = kWholeTolerance}));
-  const auto answer = *maps_.map().Gather(queries_, choice.Exact(options));
-  const auto exact = *maps_.map().Gather(queries_, MergeChoice().Exact(options));
+  MergeChoice whole = choice, each;
+  const auto answer = *GatherExactly(maps_.map(), whole, queries_, options);
+  const auto exact = *GatherExactly(maps_.map(), each, queries_, options);
+  EXPECT_EQ(answer.error_bounds.size(), queries_.size());
+  EXPECT_TRUE(exact.error_bounds.empty());
   EXPECT_EQ(answer.counts, exact.counts);
   for (std::size_t i = 0; i < exact.densities.size(); ++i) {
     ASSERT_NEAR(answer.densities[i], exact.densities[i], 1e-5 * exact.densities[i]) << i;
@@ -150,6 +138,73 @@ TEST_F(ChoiceByCosts, SubtreesAreAddedUpWholeWhereThatIsCheapest) {
   for (std::size_t i = 0; i < normals.size(); i += 3) normals[i] = 1;
   EXPECT_FALSE(
       maps_.Choose({.positions = positions_, .normals = normals}, options, whole_is_free).whole);
+}
+
+/// A map that refuses to add up subtrees whole, for want of room for their moments, say.
+class PhotonByPhoton : public treelight::testing::ForwardingGatherer {
+ public:
+  PhotonByPhoton(std::unique_ptr<Gatherer> map, absl::Status refusal)
+      : ForwardingGatherer(std::move(map)), refusal_(std::move(refusal)) {}
+  absl::StatusOr<GatherResult> Gather(const GatherQueries& queries, const GatherOptions& options,
+                                      const CancelCheck& cancelled) const override {
+    if (options.approximation.weight_tolerance == 0) {
+      return ForwardingGatherer::Gather(queries, options, cancelled);
+    }
+    ++refused;
+    return refusal_;
+  }
+  mutable int refused = 0;
+
+ private:
+  const absl::Status refusal_;
+};
+
+TEST_F(ChoiceByCosts, WithoutRoomForMomentsPhotonByPhotonFromThenOn) {
+  const PhotonByPhoton map(*builder_->Build(photons_, {}, {}),
+                           absl::ResourceExhaustedError("room"));
+  const GatherOptions options = Asks(0);
+  MergeChoice choice, each;
+  choice.whole = true;
+  const auto exact = *GatherExactly(maps_.map(), each, queries_, options);
+  for (int batch = 0; batch < 2; ++batch) {
+    const auto answer = GatherExactly(map, choice, queries_, options);
+    ASSERT_TRUE(answer.ok()) << answer.status();
+    EXPECT_FALSE(choice.whole);
+    EXPECT_EQ(map.refused, 1);
+    EXPECT_TRUE(answer->error_bounds.empty());
+    EXPECT_EQ(answer->counts, exact.counts);
+    EXPECT_EQ(answer->densities, exact.densities);
+  }
+}
+
+TEST_F(ChoiceByCosts, ASampleThatFindsNoRoomForMomentsIsReckonedPhotonByPhoton) {
+  const PhotonByPhoton map(*builder_->Build(photons_, {}, {}),
+                           absl::ResourceExhaustedError("room"));
+  const auto merged = [this](const FewerPhotons& fewer) { return maps_.Fewer(fewer); };
+  // Merged photons gain by what all cost one by one, not by what they cost whole.
+  const MergeChoice whole = maps_.Choose(queries_, Asks(0), Costs(1, 100, 20));
+  EXPECT_TRUE(whole.exact());
+  EXPECT_TRUE(whole.whole);
+  EXPECT_GT(whole.sampled, 0u);
+  const auto choice = ChooseMerge(map, merged, Costs(1, 100, 20), queries_, Asks(0));
+  ASSERT_TRUE(choice.ok()) << choice.status();
+  EXPECT_EQ(map.refused, 1);
+  EXPECT_FALSE(choice->exact());
+  EXPECT_EQ(choice->fewer, maps_.Choose(queries_, Asks(0), Costs(1, 100, 100)).fewer);
+}
+
+TEST_F(ChoiceByCosts, OtherErrorsOfAnExactGatherPassThrough) {
+  const PhotonByPhoton map(*builder_->Build(photons_, {}, {}), absl::InternalError("broken"));
+  MergeChoice choice, each;
+  choice.whole = true;
+  EXPECT_EQ(GatherExactly(map, choice, queries_, Asks(0)).status(), absl::InternalError("broken"));
+  EXPECT_EQ(map.refused, 1);
+  EXPECT_TRUE(choice.whole);
+  const auto stop = [] { return true; };
+  for (MergeChoice* const stopped : {&choice, &each}) {
+    EXPECT_TRUE(
+        absl::IsCancelled(GatherExactly(maps_.map(), *stopped, queries_, Asks(0), stop).status()));
+  }
 }
 
 TEST_F(ChoiceByCosts, WithoutCostsItIsExact) {
