@@ -33,10 +33,7 @@ std::vector<Photon> MeasureAll(const Photons& photons, const float* query) {
 
 /// Whether it comes against `normal`, which may be null, as every part of Treelight decides it.
 bool Faces(const Photons& photons, std::uint32_t photon, const float* normal) {
-  if (normal == nullptr) return true;
-  const std::int16_t* const direction = &photons.directions[2 * std::size_t{photon}];
-  const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
-  return d.x * normal[0] + d.y * normal[1] + d.z * normal[2] < 0;
+  return normal == nullptr || ComesAgainst(&photons.directions[2 * std::size_t{photon}], normal);
 }
 
 TrueAnswer Answer(const Photons& photons, const float* query, const float* normal, std::uint32_t k,

@@ -50,9 +50,7 @@ class DensitySum {
 
  private:
   bool Faces(std::uint32_t id) const {
-    const std::int16_t* const direction = &photons_.directions[2 * std::size_t{id}];
-    const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
-    return d.x * normal_[0] + d.y * normal_[1] + d.z * normal_[2] < 0;
+    return ComesAgainst(&photons_.directions[2 * std::size_t{id}], normal_);
   }
 
   /// Of a photon at t2 = (d / R)^2, relative to the constant kernel.

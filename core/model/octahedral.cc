@@ -37,4 +37,9 @@ Vec3 DecodeOctahedral(std::int16_t u, std::int16_t v) {
   return {x, y, z};
 }
 
+bool ComesAgainst(const std::int16_t* direction, const float* normal) {
+  const Vec3 d = DecodeOctahedral(direction[0], direction[1]);
+  return d.x * normal[0] + d.y * normal[1] + d.z * normal[2] < 0;
+}
+
 }  // namespace treelight

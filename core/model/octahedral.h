@@ -18,6 +18,10 @@ std::array<std::int16_t, 2> EncodeOctahedral(const Vec3& unit);
 /// -32767.
 Vec3 DecodeOctahedral(std::int16_t u, std::int16_t v);
 
+/// Whether light of the octahedral `direction` [2] comes against `normal` [3], so that a gather
+/// there counts it: direction . normal < 0.
+bool ComesAgainst(const std::int16_t* direction, const float* normal);
+
 }  // namespace treelight
 
 #endif  // TREELIGHT_CORE_MODEL_OCTAHEDRAL_H_
