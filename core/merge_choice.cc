@@ -85,30 +85,68 @@ class Chooser {
     return cost_us + costs_.At(photons_).Of(queries * (1 - merged_part));
   }
 
-  /// Whether the fewest photons that an answer may be made of gain at least twice what the sample
-  /// costs, which is answered in two ways. Else the choice has the reason.
+  /// Whether subtrees added up whole are the cheapest way of answering the batch exactly, where
+  /// queries find so many photons.
+  bool IsCheaperWhole(double photons) const {
+    return may_be_whole_ && whole_costs_.At(photons).Of(all()) < costs_.At(photons).Of(all());
+  }
+  GatherCosts::Cost CheapestExact(double photons) const {
+    return (IsCheaperWhole(photons) ? whole_costs_ : costs_).At(photons);
+  }
+
+  /// What the fewest photons that an answer may be made of gain.
+  double Gain(double photons) const {
+    return CheapestExact(photons).Of(all()) - MergedCost(kFewestMergedPhotons, 1, all());
+  }
+
+  /// Whether that is at least twice what the sample costs, which is answered in two ways.
+  bool Pays(double photons) const {
+    return Gain(photons) > 2 * 2 * CheapestExact(photons).Of(sampled());
+  }
+
+  /// Whether fewer photons may pay; else the choice has the reason.
   absl::StatusOr<bool> MayGain() {
     choice_.reason = ExactReason::kFewQueries;
     if (queries_.size() <= kFewestTimesSample * count_) return false;
-    if (auto status = CountPhotons(); !status.ok()) return status;
+    photons_ = options_.k;
     choice_.reason = ExactReason::kFewPhotons;
-    if (photons_ < 2 * kFewestMergedPhotons) return false;
+    if (options_.k > 0 && photons_ < 2 * kFewestMergedPhotons) return false;
     if (auto status = FindCosts(); absl::IsResourceExhausted(status)) {
       choice_.reason = ExactReason::kNoMemory;
       return false;
     } else if (!status.ok()) {
       return status;
     }
-    const double gained = ExactCost(all()) - MergedCost(kFewestMergedPhotons, 1, all());
-    if (gained <= 0) return false;
+    if (options_.k == 0) {
+      if (!PaysForSome()) return false;
+      if (auto status = CountPhotons(); !status.ok()) return status;
+      choice_.whole = IsCheaperWhole(photons_);
+      choice_.reason = ExactReason::kFewPhotons;
+      if (photons_ < 2 * kFewestMergedPhotons) return false;
+    }
+    if (Gain(photons_) <= 0) return false;
     choice_.reason = ExactReason::kFewQueries;
-    return gained > 2 * 2 * ExactCost(sampled());
+    return Pays(photons_);
   }
 
-  /// How many photons the queries find: k at most, or by their number alone, which is cheap.
+  /// Whether there is a number of photons, of those that were measured, for which fewer may pay.
+  /// Where there is none the photons are not even counted, which takes as long as a small batch:
+  /// the exact way is the one that costs less over all these numbers.
+  bool PaysForSome() {
+    choice_.reason = ExactReason::kFewPhotons;
+    double each_us = 0, whole_us = 0, photons = GatherCosts::kFewest;
+    for (std::size_t i = 0; i < GatherCosts::kEntries; ++i, photons *= 2) {
+      if (Pays(photons)) return true;
+      if (Gain(photons) > 0) choice_.reason = ExactReason::kFewQueries;
+      each_us += costs_.At(photons).Of(all());
+      whole_us += whole_costs_.At(photons).Of(all());
+    }
+    choice_.whole = may_be_whole_ && whole_us < each_us;
+    return false;
+  }
+
+  /// How many photons the queries find within the radius.
   absl::Status CountPhotons() {
-    photons_ = options_.k;
-    if (options_.k > 0) return absl::OkStatus();
     GatherOptions counts = ExactOptions(options_);
     counts.outputs = kOutputCount;
     const auto counted =
@@ -124,14 +162,15 @@ class Chooser {
     if (!costs.ok()) return costs.status();
     costs_ = *costs;
     // Normals leave out photons, and moments know of none; the cone's sums are not exact.
-    const bool may_be_whole = options_.k == 0 && queries_.normals.empty() && map_.has_powers() &&
-                              options_.kernel != DensityKernel::kCone;
-    if (!may_be_whole) return absl::OkStatus();
+    if (options_.k > 0 || !queries_.normals.empty() || !map_.has_powers() ||
+        options_.kernel == DensityKernel::kCone) {
+      return absl::OkStatus();
+    }
     const auto whole = costs_of_(GatherKind::kWhole);
     if (absl::IsResourceExhausted(whole.status())) return absl::OkStatus();  // it is no choice
     if (!whole.ok()) return whole.status();
     whole_costs_ = *whole;
-    choice_.whole = whole_costs_.At(photons_).Of(all()) < costs_.At(photons_).Of(all());
+    may_be_whole_ = true;
     return absl::OkStatus();
   }
 
@@ -190,6 +229,7 @@ class Chooser {
   const std::size_t count_;  // queries of the sample
   const SomeQueries sample_;
   GatherCosts costs_, whole_costs_;  // photon by photon, and by whole subtrees; to keep an error
+  bool may_be_whole_ = false;
   GatherResult exact_;
   double photons_ = 0;   // that a query finds, mean
   double spent_us_ = 0;  // on the sample

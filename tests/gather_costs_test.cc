@@ -108,9 +108,14 @@ TEST_F(ChoiceByCosts, WhereLaunchesCostMoreThanPhotonsNothingIsSampled) {
     const MergeChoice slow = maps_.Choose(queries_, Asks(k), Costs(3000, 1, 9));
     EXPECT_EQ(slow.reason, ExactReason::kFewQueries);
     EXPECT_EQ(slow.sampled, 0u);
+    EXPECT_EQ(slow.times.kernel_us, 0);  // not even counted
     // Where photons are free, fewer of them gain nothing.
     EXPECT_EQ(maps_.Choose(queries_, Asks(k), Costs(10, 0, 9)).reason, ExactReason::kFewPhotons);
   }
+  const MergeChoice whole = maps_.Choose(queries_, Asks(0), Costs(3000, 9, 1));
+  EXPECT_EQ(whole.reason, ExactReason::kFewQueries);
+  EXPECT_TRUE(whole.whole);
+  EXPECT_EQ(whole.times.kernel_us, 0);
 }
 
 TEST_F(ChoiceByCosts, SubtreesAreAddedUpWholeWhereThatIsCheapest) {
