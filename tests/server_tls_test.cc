@@ -18,7 +18,21 @@ using client::Transport;
 using std::chrono_literals::operator""s;
 using ::testing::HasSubstr;
 
-using ServerTlsTest = SecurityTest;
+class ServerTlsTest : public SecurityTest {
+ protected:
+  /// A server that asks clients for certificates of the CAs in "clients.pem", at first "ca".
+  Process AskForCertificates() const {
+    Run("cp ca.pem clients.pem");
+    return Process(WithTls({"--listen", "127.0.0.1:0", "--tls-client-ca", File("clients.pem")}));
+  }
+  /// Tls() with the certificate of `name`.
+  ConnectionOptions TlsAs(const std::string& name) const {
+    ConnectionOptions options = Tls();
+    options.tls_certificate = File(name + ".pem");
+    options.tls_key = File(name + ".key");
+    return options;
+  }
+};
 
 TEST_F(ServerTlsTest, TlsServesThoseWhoTrustItsCaAndTellsTheOthers) {
   Process server(WithTls({"--listen", "127.0.0.1:0"}));
@@ -70,9 +84,7 @@ TEST_F(ServerTlsTest, AClientCaAsksForCertificates) {
               HasSubstr("a client certificate needs"));
   options.tls_key = File("client.key");
   EXPECT_TRUE(Ask(address, options).ok()) << Ask(address, options);
-  options.tls_certificate = File("stranger.pem");
-  options.tls_key = File("stranger.key");
-  EXPECT_EQ(Ask(address, options).code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(Ask(address, TlsAs("stranger")).code(), absl::StatusCode::kUnavailable);
   arguments.insert(arguments.begin(), "healthcheck");
   arguments[2] = address;
   Process health(arguments);
@@ -100,14 +112,9 @@ TEST_F(ServerTlsTest, CertificatesThatChangeAreTakenUp) {
 }
 
 TEST_F(ServerTlsTest, AClientCaThatChangesIsTakenUp) {
-  Run("cp ca.pem clients.pem");
-  auto arguments = WithTls({"--listen", "127.0.0.1:0"});
-  arguments.insert(arguments.end(), {"--tls-client-ca", File("clients.pem")});
-  Process server(arguments);
+  Process server = AskForCertificates();
   const std::string address = server.WaitUntilReady();
-  ConnectionOptions client = Tls(), stranger = Tls();
-  client.tls_certificate = File("client.pem"), client.tls_key = File("client.key");
-  stranger.tls_certificate = File("stranger.pem"), stranger.tls_key = File("stranger.key");
+  const ConnectionOptions client = TlsAs("client"), stranger = TlsAs("stranger");
   ASSERT_TRUE(Ask(address, client).ok());
   ASSERT_FALSE(Ask(address, stranger).ok());
   const auto open = PhotonMapClient::Connect(address, client, 20s);
@@ -127,14 +134,9 @@ TEST_F(ServerTlsTest, AClientCaThatChangesIsTakenUp) {
 
 // What a writer leaves that is no rename: for a moment, or for good where the disk is full.
 TEST_F(ServerTlsTest, EmptyFilesChangeNothing) {
-  Run("cp ca.pem clients.pem");
-  auto arguments = WithTls({"--listen", "127.0.0.1:0"});
-  arguments.insert(arguments.end(), {"--tls-client-ca", File("clients.pem")});
-  Process server(arguments);
+  Process server = AskForCertificates();
   const std::string address = server.WaitUntilReady();
-  ConnectionOptions client = Tls(), stranger = Tls();
-  client.tls_certificate = File("client.pem"), client.tls_key = File("client.key");
-  stranger.tls_certificate = File("stranger.pem"), stranger.tls_key = File("stranger.key");
+  const ConnectionOptions client = TlsAs("client"), stranger = TlsAs("stranger");
   for (const auto& [file, option] : {std::pair{"server.key", "--tls-key"},
                                      {"server.pem", "--tls-cert"},
                                      {"clients.pem", "--tls-client-ca"}}) {
