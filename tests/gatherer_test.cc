@@ -82,9 +82,9 @@ TEST_P(EveryCloud, DensitiesAreWithinTheStatedBound) {
   for (const DensityKernel kernel :
        {DensityKernel::kConstant, DensityKernel::kCone, DensityKernel::kEpanechnikov}) {
     for (const GatherQueries& queries : {plain, with_normals}) {
-      for (const std::uint32_t k : {0u, 50u}) {
+      for (const std::uint32_t k : {0u, 50u, 200u}) {
         const GatherOptions options{.k = k,
-                                    .radius = radius,
+                                    .radius = k > 50 ? 2 * radius : radius,
                                     .outputs = kOutputCount | kOutputRadius | kOutputDensity,
                                     .kernel = kernel};
         const GatherResult actual = ExpectSameAnswers(pair, queries, options);

@@ -22,12 +22,16 @@ std::string KernelOf(DeviceSearch search) {
       return "gather_nearest";
     case kGatherWide:
       return "gather_wide";
+    case kGatherLong:
+      return "gather_long";
     case kGatherList:
       return "gather_list";
     case kGatherSums:
       return "gather_sums";
     case kCountWide:
       return "count_wide";
+    case kDensityWide:
+      return "density_wide";
     case kGatherRange:
       return "gather_range";
   }
@@ -43,8 +47,10 @@ TEST(ChooseSearchTest, TheKernelForWhatIsAsked) {
       {{.k = 16, .outputs = kLists}, kGatherNearest, kGatherNearest},
       {{.k = 17, .outputs = kLists}, kGatherWide, kGatherNearest},
       {{.k = 50, .radius = kR, .outputs = kSums}, kGatherWide, kGatherNearest},
-      {{.k = 128, .outputs = kCounts}, kGatherWide, kGatherNearest},
-      {{.k = 129, .outputs = kCounts}, kGatherNearest, kGatherNearest},
+      {{.k = 64, .outputs = kCounts}, kGatherWide, kGatherNearest},
+      {{.k = 65, .outputs = kCounts}, kGatherLong, kGatherNearest},
+      {{.k = kMaxNeighbors, .outputs = kLists}, kGatherLong, kGatherNearest},
+      {{.k = 500, .outputs = kCounts | kOutputStatistics}, kGatherNearest, kGatherNearest},
       {{.k = 50, .outputs = kCounts | kOutputStatistics}, kGatherNearest, kGatherNearest},
       {{.k = 50, .outputs = kCounts, .approximation = {.epsilon = 0.1f}},
        kGatherNearest,
@@ -59,7 +65,8 @@ TEST(ChooseSearchTest, TheKernelForWhatIsAsked) {
       {{.radius = kR, .outputs = kCounts}, kCountWide, kGatherRange},
       {{.radius = kR, .outputs = kCounts | kOutputRadius}, kCountWide, kGatherRange},
       {{.radius = kR, .outputs = kCounts | kOutputStatistics}, kGatherRange, kGatherRange},
-      {{.radius = kR, .outputs = kSums}, kGatherRange, kGatherRange},
+      {{.radius = kR, .outputs = kSums}, kDensityWide, kGatherRange},
+      {{.radius = kR, .outputs = kSums | kOutputStatistics}, kGatherRange, kGatherRange},
       {{.radius = kR, .outputs = kSums, .approximation = {.weight_tolerance = 0.1f}},
        kGatherSums,
        kGatherSums},

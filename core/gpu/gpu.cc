@@ -1,5 +1,9 @@
 #include "core/gpu/gpu.h"
 
+#include <string>
+#include <string_view>
+#include <vector>
+
 #include "fmt/format.h"
 
 namespace treelight {
@@ -35,22 +39,32 @@ Gpu OpenGpu(std::size_t index, const DeviceOptions& options) {
       device.Program({"traverse.cl", "heap.cl", "gather_nearest.cl", "gather_list.cl"},
                      "-DHEAP_SPACE=global -DHEAPS_GLOBAL=1");
   if (!device.has_sub_groups()) return gpu;
-  const std::string sub_groups =
-      fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kWideQueries, kSubGroupsPerGroup);
   gpu.sub_group_stages = device.Program(
       {"morton.cl", "ties.cl", "sub_group.cl", "ties_short.cl", "large_subtree.cl", "wide_tree.cl"},
-      fmt::format("{} -DTIE_SHORT_RUN={} -DTIE_BOUNDARIES={}", sub_groups, kTieShortRun,
-                  kTieBoundaries));
-  for (std::size_t i = 0; i < kListRows.size(); ++i) {
-    gpu.gather_wide[i] = device.Program(
-        {"traverse.cl", "sub_group.cl", "wide_walk.cl", "candidate_list.cl", "gather_wide.cl"},
-        fmt::format("{} -DLIST_ROWS={}", sub_groups, kListRows[i]),
-        {"gather_wide", kWideResident[i]});
-  }
-  gpu.count_wide =
-      device.Program({"traverse.cl", "sub_group.cl", "wide_walk.cl", "count_wide.cl"},
-                     fmt::format("-DQUERIES={} -DSUB_GROUPS={}", kCountQueries, kSubGroupsPerGroup),
-                     {"count_wide", kCountResident});
+      fmt::format("-DSUB_GROUPS={} -DTIE_SHORT_RUN={} -DTIE_BOUNDARIES={}", kSubGroupsPerGroup,
+                  kTieShortRun, kTieBoundaries));
+  const auto wide = [&](const std::vector<std::string_view>& files, std::string_view kernel,
+                        const WideVariants& variants) {
+    const auto variant = [&](const WideVariant& of) {
+      return device.Program(
+          files, fmt::format("-DQUERIES={} -DSUB_GROUPS={}", of.queries, kSubGroupsPerGroup),
+          {std::string(kernel), of.resident});
+    };
+    return WidePrograms{variant(variants.many), variant(variants.few)};
+  };
+  gpu.gather_wide =
+      wide({"traverse.cl", "sub_group.cl", "wide_walk.cl", "candidate_list.cl", "gather_wide.cl"},
+           "gather_wide", kGatherWideVariants);
+  gpu.count_wide = wide({"traverse.cl", "sub_group.cl", "wide_walk.cl", "count_wide.cl"},
+                        "count_wide", kCountWideVariants);
+  gpu.density_wide = wide({"traverse.cl", "sub_group.cl", "wide_walk.cl", "density_wide.cl"},
+                          "density_wide", kDensityWideVariants);
+  const auto gather_long = [&](std::size_t sub_groups, unsigned resident) {
+    return device.Program({"traverse.cl", "sub_group.cl", "long_list.cl", "gather_long.cl"},
+                          fmt::format("-DSUB_GROUPS={}", sub_groups), {"gather_long", resident});
+  };
+  gpu.gather_long = gather_long(1, 0);
+  gpu.gather_long_pairs = gather_long(2, kLongPairsResident);
   return gpu;
 }
 

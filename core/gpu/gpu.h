@@ -1,7 +1,6 @@
 #ifndef TREELIGHT_CORE_GPU_GPU_H_
 #define TREELIGHT_CORE_GPU_GPU_H_
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -30,20 +29,30 @@ inline constexpr std::size_t kTieShortRun = 512;
 /// Boundaries that one work-item of tie_short_runs looks at.
 inline constexpr std::size_t kTieBoundaries = 8;
 
-/// Lists of gather_wide in local memory: places / 32, and the largest k that they can hold.
-inline constexpr std::array<std::uint32_t, 2> kListRows = {4, 6}, kListK = {64, 128};
+/// The largest k that the lists of gather_wide can hold: (LIST_ROWS - 2) * 32.
+inline constexpr std::uint32_t kMaxWideK = 64;
 
-/// Groups of gather_wide by length of the lists, and of count_wide, that one multiprocessor of an
-/// H200 works on at once where it is fastest: with fewer registers each than the compiler takes, up
-/// to where they spill too much.
-inline constexpr std::array<unsigned, 2> kWideResident = {21, 0};
-inline constexpr unsigned kCountResident = 21;
+/// How a kernel is compiled whose sub-groups walk the wide tree, each for several neighbouring
+/// queries together.
+struct WideVariant {
+  std::size_t queries;  ///< of one sub-group; the kernels' QUERIES
+  /// Groups that one multiprocessor of an H200 works on at once where it is fastest: with fewer
+  /// registers each than the compiler takes, up to where they spill too much.
+  unsigned resident;
+};
 
-/// Queries of one sub-group of gather_wide.
-inline constexpr std::size_t kWideQueries = 4;
+/// For batches of many queries and of few.
+struct WideVariants {
+  WideVariant many, few;
+};
+inline constexpr WideVariants kGatherWideVariants = {{4, 21}, {1, 28}};
+inline constexpr WideVariants kCountWideVariants = {{8, 21}, {2, 21}};
+inline constexpr WideVariants kDensityWideVariants = {{4, 21}, {1, 28}};
 
-/// Queries of one sub-group of count_wide.
-inline constexpr std::size_t kCountQueries = 8;
+/// Places of a list up to which gather_long has two sub-groups in a work-group, and how many groups
+/// one multiprocessor of an H200 then works on at once.
+inline constexpr std::size_t kLongPairPlaces = 768;
+inline constexpr unsigned kLongPairsResident = 24;
 
 /// Work-items of a work-group of the one-sweep sort, and pairs of one of them.
 inline constexpr std::size_t kSweepGroupSize = 384;
@@ -54,6 +63,11 @@ inline constexpr std::size_t kSweepItems = sizeof(Key) == 4 ? 16 : 8;
 template <typename Key>
 inline constexpr unsigned kSweepResident = sizeof(Key) == 4 ? 0 : 3;
 
+/// The variants of one such kernel.
+struct WidePrograms {
+  cl::Program many, few;
+};
+
 /// A device with the compiled kernels of all stages. Cheap to copy.
 struct Gpu {
   std::shared_ptr<Device> device;
@@ -63,9 +77,10 @@ struct Gpu {
   cl::Program sort_64;           ///< radix_sort of 64-bit keys
   cl::Program gather;            ///< gather_nearest with heaps in local memory, gather_range
   cl::Program gather_global;     ///< gather_nearest with heaps in global memory, gather_list
-  cl::Program sub_group_stages;  ///< where there are sub-groups
-  std::array<cl::Program, kListRows.size()> gather_wide;  ///< likewise; by length of the lists
-  cl::Program count_wide;                                 ///< likewise
+  cl::Program sub_group_stages;  ///< this and those that follow: where there are sub-groups
+  WidePrograms gather_wide, count_wide, density_wide;
+  cl::Program gather_long;        ///< one sub-group to a work-group
+  cl::Program gather_long_pairs;  ///< two
 
   BufferPool& memory() const { return device->memory(); }
   cl::CommandQueue& queue() const { return device->queue(); }

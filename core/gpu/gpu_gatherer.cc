@@ -15,15 +15,13 @@
 #include "core/gpu/photon_powers.h"
 #include "core/gpu/query_order.h"
 #include "core/gpu/search_choice.h"
+#include "core/gpu/wide_search.h"
 #include "core/model/power_moments.h"
 #include "fmt/format.h"
 
 namespace treelight {
 namespace {
 
-// Queries of one launch at most.
-constexpr std::size_t kQueriesPerLaunchGpu = 1 << 20;
-constexpr std::size_t kQueriesPerLaunchCpu = 1 << 14;
 // From this many queries on, sorting them pays.
 constexpr std::size_t kSortedQueries = 4096;
 // Space for heaps in global memory, where k is too large for local memory.
@@ -94,14 +92,10 @@ class GpuGatherer : public Gatherer {
   GatherParams MakeParams(const GatherQueries& queries, const GatherOptions& options) const;
   void GatherNearest(const BatchBuffers& batch, GatherParams params, std::size_t count,
                      const Approximation& approximation, const CancelCheck& cancelled) const;
-  void GatherWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                  const CancelCheck& cancelled) const;
   void GatherWithin(DeviceSearch search, const BatchBuffers& batch, GatherParams params,
                     std::size_t count, const CancelCheck& cancelled) const;
   void GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                    const CancelCheck& cancelled) const;
-  void CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                 const CancelCheck& cancelled) const;
   void GatherSums(const BatchBuffers& batch, GatherParams params, std::size_t count,
                   const CancelCheck& cancelled) const;
   NeighborLists GatherLists(const BatchBuffers& batch, GatherParams params, std::size_t count,
@@ -111,9 +105,11 @@ class GpuGatherer : public Gatherer {
     return ChooseSearch(options, map_.wide.boxes.size() > 0, map_.has_powers);
   }
 
-  std::size_t QueriesPerLaunch() const {
-    return map_.gpu.device->is_cpu() ? kQueriesPerLaunchCpu : kQueriesPerLaunchGpu;
+  WideSearch Wide(const BatchBuffers& batch, const GatherParams& params, std::size_t count,
+                  const CancelCheck& cancelled) const {
+    return {map_, batch, params, count, pace_, cancelled};
   }
+
   // A CPU runs the items of a group one after the other: small groups balance better. A GPU wants
   // at least two sub-groups of 32.
   std::size_t GatherGroupSize() const { return map_.gpu.device->is_cpu() ? 16 : 64; }
@@ -176,7 +172,9 @@ GatherResult GpuGatherer::Run(const GatherQueries& queries, const GatherOptions&
   const SearchChoice choice = Choose(options);
   result.search = choice.reason;
   if (choice.search == DeviceSearch::kGatherWide) {
-    GatherWide(batch, params, m, cancelled);
+    Wide(batch, params, m, cancelled).GatherWide();
+  } else if (choice.search == DeviceSearch::kGatherLong) {
+    Wide(batch, params, m, cancelled).GatherLong();
   } else if (choice.search == DeviceSearch::kGatherNearest) {
     GatherNearest(batch, params, m, options.approximation, cancelled);
   } else if (choice.search == DeviceSearch::kGatherList) {
@@ -219,7 +217,7 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
   // The heaps lie in local memory while that leaves room for another group beside this one.
   const std::size_t local_bytes = params.k * group * sizeof(cl_ulong);
   const bool fits = local_bytes <= gpu.device->local_memory_bytes() / 2 + 2048;
-  std::size_t per_launch = QueriesPerLaunch();
+  std::size_t per_launch = QueriesPerLaunch(map_.gpu);
   if (!fits) {
     per_launch =
         std::min(per_launch, kGlobalHeapBytes / (params.k * sizeof(cl_ulong)) / group * group);
@@ -248,54 +246,26 @@ void GpuGatherer::GatherNearest(const BatchBuffers& batch, GatherParams params, 
   }
 }
 
-void GpuGatherer::GatherWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                             const CancelCheck& cancelled) const {
-  const Gpu& gpu = map_.gpu;
-  const std::size_t variant =
-      std::lower_bound(kListK.begin(), kListK.end(), params.k) - kListK.begin();
-  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
-                [&](const GatherParams& part) {
-                  Launch(gpu, gpu.gather_wide[variant], "gather_wide",
-                         (part.count + kWideQueries - 1) / kWideQueries * kSubGroupSize,
-                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-                         map_.wide.sizes.get(), map_.tree.photons.get(), map_.powers.get(),
-                         batch.positions.get(), batch.order.get(), batch.radii_in.get(),
-                         batch.normals.get(), part, batch.counts.get(), batch.radii.get(),
-                         batch.neighbor_ids.get(), batch.neighbor_d2.get(), batch.densities.get());
-                });
-}
-
 void GpuGatherer::GatherWithin(DeviceSearch search, const BatchBuffers& batch, GatherParams params,
                                std::size_t count, const CancelCheck& cancelled) const {
   if (search == DeviceSearch::kGatherSums) return GatherSums(batch, params, count, cancelled);
-  if (search == DeviceSearch::kCountWide) return CountWide(batch, params, count, cancelled);
+  if (search == DeviceSearch::kCountWide) return Wide(batch, params, count, cancelled).CountWide();
+  if (search == DeviceSearch::kDensityWide) {
+    return Wide(batch, params, count, cancelled).DensityWide();
+  }
   GatherRange(batch, params, count, cancelled);
 }
 
 void GpuGatherer::GatherRange(const BatchBuffers& batch, GatherParams params, std::size_t count,
                               const CancelCheck& cancelled) const {
   const Gpu& gpu = map_.gpu;
-  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
+  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(map_.gpu), cancelled,
                 [&](const GatherParams& part) {
                   Launch(gpu, gpu.gather, "gather_range", part.count, GatherGroupSize(),
                          map_.tree.nodes.get(), map_.tree.photons.get(), map_.powers.get(),
                          batch.positions.get(), batch.order.get(), batch.radii_in.get(),
                          batch.normals.get(), part, batch.counts.get(), batch.radii.get(),
                          batch.densities.get(), batch.visited.get(), batch.tested.get());
-                });
-}
-
-void GpuGatherer::CountWide(const BatchBuffers& batch, GatherParams params, std::size_t count,
-                            const CancelCheck& cancelled) const {
-  const Gpu& gpu = map_.gpu;
-  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(), cancelled,
-                [&](const GatherParams& part) {
-                  Launch(gpu, gpu.count_wide, "count_wide",
-                         (part.count + kCountQueries - 1) / kCountQueries * kSubGroupSize,
-                         kSubGroupSize * kSubGroupsPerGroup, map_.wide.boxes.get(), map_.wide.shape,
-                         map_.wide.sizes.get(), map_.tree.photons.get(), batch.positions.get(),
-                         batch.order.get(), batch.radii_in.get(), part, batch.counts.get(),
-                         batch.radii.get());
                 });
 }
 
@@ -311,14 +281,15 @@ void GpuGatherer::GatherSums(const BatchBuffers& batch, GatherParams params, std
     moments_ = MakeBuffer<PowerMoments>(
         gpu.memory(), gpu.queue(), ComputeMoments(tree, PowersOf(map_.powers.Read(gpu.queue()))));
   }
-  PacedLaunches(
-      gpu, pace_, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-        Launch(gpu, program, "gather_sums", part.count, GatherGroupSize(), map_.tree.nodes.get(),
-               moments_->get(), map_.tree.photons.get(), map_.powers.get(), batch.positions.get(),
-               batch.order.get(), batch.radii_in.get(), part, batch.counts.get(), batch.radii.get(),
-               batch.densities.get(), batch.visited.get(), batch.tested.get(),
-               batch.error_bounds.get());
-      });
+  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(map_.gpu), cancelled,
+                [&](const GatherParams& part) {
+                  Launch(gpu, program, "gather_sums", part.count, GatherGroupSize(),
+                         map_.tree.nodes.get(), moments_->get(), map_.tree.photons.get(),
+                         map_.powers.get(), batch.positions.get(), batch.order.get(),
+                         batch.radii_in.get(), part, batch.counts.get(), batch.radii.get(),
+                         batch.densities.get(), batch.visited.get(), batch.tested.get(),
+                         batch.error_bounds.get());
+                });
 }
 
 NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams params,
@@ -349,12 +320,13 @@ NeighborLists GpuGatherer::GatherLists(const BatchBuffers& batch, GatherParams p
   const std::vector<cl_ulong> firsts(lists.offsets.begin(), lists.offsets.end());
   const auto offsets = MakeBuffer<cl_ulong>(gpu.memory(), gpu.queue(), firsts);
   const Buffer<cl_ulong> candidates(gpu.memory(), total);
-  PacedLaunches(
-      gpu, pace_, params, count, QueriesPerLaunch(), cancelled, [&](const GatherParams& part) {
-        Launch(gpu, gpu.gather_global, "gather_list", part.count, GatherGroupSize(),
-               map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(),
-               batch.order.get(), batch.radii_in.get(), part, offsets.get(), candidates.get());
-      });
+  PacedLaunches(gpu, pace_, params, count, QueriesPerLaunch(map_.gpu), cancelled,
+                [&](const GatherParams& part) {
+                  Launch(gpu, gpu.gather_global, "gather_list", part.count, GatherGroupSize(),
+                         map_.tree.nodes.get(), map_.tree.photons.get(), batch.positions.get(),
+                         batch.order.get(), batch.radii_in.get(), part, offsets.get(),
+                         candidates.get());
+                });
   const std::vector<cl_ulong> found = candidates.Read(gpu.queue());
   lists.ids.resize(total);
   lists.squared_distances.resize(total);

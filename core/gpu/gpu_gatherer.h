@@ -2,29 +2,11 @@
 #define TREELIGHT_CORE_GPU_GPU_GATHERER_H_
 
 #include <memory>
-#include <string>
 
 #include "core/gatherer.h"
-#include "core/gpu/gpu.h"
-#include "core/gpu/hierarchy.h"
-#include "core/gpu/wide_tree.h"
+#include "core/gpu/device_map.h"
 
 namespace treelight {
-
-/// A finished map on a device.
-struct DeviceMap {
-  Gpu gpu;
-  DeviceTree tree;
-  DeviceWideTree wide;
-  Buffer<PhotonPower> powers;  ///< [n], in order of photon index; empty where neither was uploaded
-  Buffer<MortonGrid> grid;     ///< [1] of the 30-bit codes: queries are worked on in its order
-  TreeKind kind = TreeKind::kKdTree;
-  std::size_t photon_count = 0;
-  bool has_powers = false;
-  bool has_directions = false;
-  std::uint32_t max_leaf_size = 16;
-  BuildReport report;
-};
 
 /// Answers gathers of `map` on its device.
 std::unique_ptr<Gatherer> MakeGpuGatherer(DeviceMap map);

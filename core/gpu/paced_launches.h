@@ -39,6 +39,11 @@ class LaunchPace {
   std::size_t part_ = 0;
 };
 
+/// Queries of one launch at most.
+inline std::size_t QueriesPerLaunch(const Gpu& gpu) {
+  return std::size_t{1} << (gpu.device->is_cpu() ? 14 : 20);
+}
+
 /// Calls `launch(part)`, which enqueues kernels, for consecutive parts of [0, total) of at most
 /// `largest` each; `part` is `params` with its first and count. With a `cancelled` each part is
 /// waited for and `pace` says how large the next is; without one all parts are enqueued at once.

@@ -9,7 +9,7 @@ namespace {
 
 // From this k on, sub-groups are faster than a heap for each work-item.
 constexpr std::uint32_t kMinWideK = 17;
-static_assert(kListK.back() == 128);  // which the texts name
+static_assert(kMaxWideK == 64);  // which the texts name
 
 SearchChoice ChooseNearest(const GatherOptions& options, bool has_wide_tree) {
   using enum DeviceSearch;
@@ -25,10 +25,10 @@ SearchChoice ChooseNearest(const GatherOptions& options, bool has_wide_tree) {
   if (options.k < kMinWideK) {
     return {kGatherNearest, "gather_nearest: k is at most 16, a heap for each work-item is faster"};
   }
-  if (options.k > kListK.back()) {
-    return {kGatherNearest, "gather_nearest: k is above 128, longer than lists of sub-groups"};
+  if (options.k > kMaxWideK) {
+    return {kGatherLong, "gather_long: k is above 64, each query has a sub-group of its own"};
   }
-  return {kGatherWide, "gather_wide: k is in [17, 128], lists of sub-groups are faster"};
+  return {kGatherWide, "gather_wide: k is in [17, 64], lists of sub-groups are faster"};
 }
 
 }  // namespace
@@ -42,14 +42,14 @@ SearchChoice ChooseSearch(const GatherOptions& options, bool has_wide_tree, bool
   if (options.approximation.weight_tolerance > 0 && has_powers) {
     return {kGatherSums, "gather_sums: whole subtrees may be added up"};
   }
-  if ((options.outputs & kOutputDensity) != 0 && has_powers) {
-    return {kGatherRange, "gather_range: k is 0, densities are added up photon by photon"};
-  }
   if ((options.outputs & kOutputStatistics) != 0) {
     return {kGatherRange, "gather_range: it counts what it visits, for STATISTICS"};
   }
   if (!has_wide_tree) {
     return {kGatherRange, "gather_range: this device has no sub-groups of 32"};
+  }
+  if ((options.outputs & kOutputDensity) != 0 && has_powers) {
+    return {kDensityWide, "density_wide: k is 0, densities are added up by sub-groups"};
   }
   return {kCountWide, "count_wide: counts without densities, by sub-groups"};
 }

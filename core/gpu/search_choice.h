@@ -11,9 +11,11 @@ namespace treelight {
 enum class DeviceSearch {
   kGatherNearest,  ///< the k nearest in a heap for each work-item
   kGatherWide,     ///< the k nearest in lists of sub-groups, in the wide tree
+  kGatherLong,     ///< likewise, a sub-group for each query: for large k
   kGatherList,     ///< all within a radius, counted and then listed
   kGatherSums,     ///< densities within a radius, whole subtrees added up
   kCountWide,      ///< counts within a radius by sub-groups, in the wide tree
+  kDensityWide,    ///< densities within a radius by sub-groups, in the wide tree
   kGatherRange,    ///< counts and densities within a radius by a work-item each
 };
 

@@ -1,7 +1,7 @@
 // Lists of candidates in local memory, of a sub-group each: cut at a bound, sorted. A candidate is
 // (bits of the squared distance, photon index); candidates are ordered by both. Uses sub_group.cl.
-// -DLIST_ROWS: places of a list / 32.
 
+#define LIST_ROWS 4  // places of a list / 32
 #define LIST_SIZE (LIST_ROWS * SUB_GROUP_SIZE)
 #define NOTHING 0xffffffffu  // above the bits of any distance, and no index
 
@@ -185,9 +185,6 @@ void sort_keys(uint* keys, const uint size, const bool all) {
 // is then put right.
 void sort_list(local uint2* list, uint size, const uint k, uint2* sorted) {
   sub_group_sync();
-#if LIST_ROWS > 4
-  if (size > KEY_PLACES) size = cut_list(size, list, k, KEY_PLACES).length;
-#endif
   const uint lane = sub_group_lane(), wanted = min(size, k);
   uint keys[KEY_ROWS], d2[KEY_ROWS], largest = 0;
   for (uint r = 0; r < KEY_ROWS; ++r) {

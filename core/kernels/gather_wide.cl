@@ -3,8 +3,7 @@
 // list for each query; a full list is cut. Queries, bounds and lengths of lists are in registers,
 // the same for all items: loops over queries are unrolled. Uses traverse.cl, sub_group.cl,
 // wide_walk.cl, candidate_list.cl and the tree of wide_tree.cl.
-// -DQUERIES: of one sub-group. -DLIST_ROWS: k is at most (LIST_ROWS - 2) * 32. -DSUB_GROUPS: of one
-// work-group.
+// -DQUERIES: of one sub-group, k is at most (LIST_ROWS - 2) * 32. -DSUB_GROUPS: of one work-group.
 
 #define LIST_KEPT (LIST_SIZE - 2 * SUB_GROUP_SIZE)  // at most so many are left when a list is cut
 

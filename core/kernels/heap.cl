@@ -1,8 +1,4 @@
-// Heaps of candidates. -DHEAP_SPACE: where they live, `local` or `global`.
-
-// A candidate is one number that orders by (squared distance, photon index): squared distances are
-// not negative, so their bits order as they do.
-ulong candidate(const float d2, const uint id) { return ((ulong)as_uint(d2) << 32) | id; }
+// Heaps of candidates. Uses traverse.cl. -DHEAP_SPACE: where they live, `local` or `global`.
 
 // A heap holds its largest candidate on top; its places are heap[0], heap[stride], heap[2 *
 // stride], ... Puts `value` in place of the top.

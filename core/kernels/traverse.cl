@@ -1,6 +1,10 @@
 // What the gather kernels share: a query's place and radius, distances to boxes, and the outputs of
 // every query.
 
+// A candidate is one number that orders by (squared distance, photon index): squared distances are
+// not negative, so their bits order as they do.
+ulong candidate(const float d2, const uint id) { return ((ulong)as_uint(d2) << 32) | id; }
+
 // A child that waits on the traversal stack: the bits of its squared distance above, its slot
 // below. The slot, node * 2 for a left child and node * 2 + 1 for a right one, leads to its links
 // and to its smallest photon index.
@@ -55,9 +59,8 @@ float density_weight(const uint kernel_type, const float d2, const float r2) {
   return fmax(2.0f * (1.0f - d2 / r2), 0.0f);
 }
 
-// Whether a photon of this direction of travel (octahedral; Cigolle et al. 2014) comes from the
-// side of the normal.
-bool comes_from_front(const short2 direction, const float3 normal) {
+// A direction from its octahedral coordinates (Cigolle et al. 2014), not normalised.
+float3 decode_octahedral(const short2 direction) {
   const float step = 1.0f / 32767;
   float x = max((int)direction.x, -32767) * step, y = max((int)direction.y, -32767) * step;
   const float z = 1.0f - fabs(x) - fabs(y);
@@ -66,7 +69,12 @@ bool comes_from_front(const short2 direction, const float3 normal) {
     y = (1.0f - fabs(x)) * (y >= 0 ? 1.0f : -1.0f);
     x = folded;
   }
-  return x * normal.x + y * normal.y + z * normal.z < 0;
+  return (float3)(x, y, z);
+}
+
+// Whether light of this direction comes from the side of the normal.
+bool comes_against(const float3 direction, const float3 normal) {
+  return direction.x * normal.x + direction.y * normal.y + direction.z * normal.z < 0;
 }
 
 // A sum of many numbers, with what its roundings lost (Kahan 1965): its error does not grow with
@@ -88,7 +96,8 @@ float3 weighted_power(const GatherParams params, const uint query, const uint id
                       const float r2, global const PhotonPower* restrict powers,
                       global const float* restrict normals) {
   const float4 power = ((global const float4*)powers)[id];
-  if (params.has_normals && !comes_from_front(as_short2(power.w), vload3(query, normals)))
+  if (params.has_normals &&
+      !comes_against(decode_octahedral(as_short2(power.w)), vload3(query, normals)))
     return 0.0f;
   return density_weight(params.density_kernel, d2, r2) * power.xyz;
 }
