@@ -3,16 +3,19 @@
 
 #include <optional>
 
+#include "grpcpp/support/byte_buffer.h"
 #include "grpcpp/support/server_callback.h"
 #include "server/build_job.h"
+#include "server/read_ahead.h"
 #include "server/upload.h"
 #include "treelight/v1/photon_map.pb.h"
 
 namespace treelight::server {
 
 /// A BuildPhotonMap call: reads header and chunks, then has them built. Owns itself: made by the
-/// service, gone with OnDone.
-class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest> {
+/// service, gone with OnDone. Messages are read as bytes, so that the numbers of a chunk are copied
+/// once; while one is taken up, on a thread of gRPC, the next one comes.
+class BuildCall final : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
   BuildCall(State& state, grpc::CallbackServerContext& context,
             v1::BuildPhotonMapResponse& response);
@@ -21,20 +24,23 @@ class BuildCall final : public grpc::ServerReadReactor<v1::BuildPhotonMapRequest
   void OnDone() override { delete this; }
 
  private:
-  absl::Status TakeMessage();
-  absl::Status TakeHeader(const v1::BuildHeader& header);
-  void Take();
-  void Continue();
   void Read();
+  void TakeUp();
+  void TakeFirst();
+  absl::Status TakeHeader(const v1::BuildHeader& header);
+  void Continue();
+  absl::Status TakeChunk();
+  void Close();
   void Submit();
   void End(const absl::Status& status);
 
   State& state_;
   BuildJob job_;
-  v1::BuildPhotonMapRequest message_;  // the one being read
-  bool needs_photons_ = true;          // no earlier call has built the map
-  std::optional<Upload> upload_;       // from the header on, while photons are needed
-  Photons photons_;                    // once all are here
+  ReadAhead<grpc::ByteBuffer> messages_;
+  // Of who takes messages up.
+  bool needs_photons_ = true;     // no earlier call has built the map
+  std::optional<Upload> upload_;  // from the header on, while photons are needed
+  Photons photons_;               // once all are here
 };
 
 }  // namespace treelight::server

@@ -114,6 +114,13 @@ void PhotonMapService::HandleLate(const std::string& method, Make make) {
 }
 
 PhotonMapService::PhotonMapService(State& state) : state_(state) {
+  using BuildHandler =
+      grpc::internal::CallbackClientStreamingHandler<grpc::ByteBuffer, v1::BuildPhotonMapResponse>;
+  MarkMethodCallback(IndexOf("BuildPhotonMap"),
+                     new BuildHandler([this](grpc::CallbackServerContext* context,
+                                             v1::BuildPhotonMapResponse* response) {
+                       return new BuildCall(state_, *context, *response);
+                     }));
   HandleLate<v1::RebuildPhotonMapRequest, v1::BuildPhotonMapResponse>(
       "RebuildPhotonMap", [](State& all, grpc::CallbackServerContext& context, const auto&) {
         return new RebuildCall(all, context);
@@ -135,11 +142,6 @@ PhotonMapService::PhotonMapService(State& state) : state_(state) {
   quick("ListPhotonMaps", server::ListPhotonMaps, Where::kInStore);
   quick("DeletePhotonMap", server::DeletePhotonMap, Where::kOnDisk);
   quick("GetServerInfo", server::GetServerInfo, Where::kInStore);
-}
-
-grpc::ServerReadReactor<v1::BuildPhotonMapRequest>* PhotonMapService::BuildPhotonMap(
-    grpc::CallbackServerContext* context, v1::BuildPhotonMapResponse* response) {
-  return new BuildCall(state_, *context, *response);
 }
 
 grpc::ServerBidiReactor<v1::GatherRequest, v1::GatherResponse>* PhotonMapService::GatherStream(

@@ -15,8 +15,6 @@ class PhotonMapService final : public v1::PhotonMapService::CallbackService {
   /// `state` outlives the service.
   explicit PhotonMapService(State& state);
 
-  grpc::ServerReadReactor<v1::BuildPhotonMapRequest>* BuildPhotonMap(
-      grpc::CallbackServerContext* context, v1::BuildPhotonMapResponse* response) override;
   grpc::ServerBidiReactor<v1::GatherRequest, v1::GatherResponse>* GatherStream(
       grpc::CallbackServerContext* context) override;
 

@@ -1,5 +1,8 @@
 #include "server/upload.h"
 
+#include <algorithm>
+#include <array>
+#include <cstring>
 #include <limits>
 #include <new>
 #include <optional>
@@ -9,7 +12,6 @@
 
 #include "core/huge_pages.h"
 #include "core/model/first_beyond.h"
-#include "core/model/wire_array.h"
 #include "fmt/format.h"
 #include "server/break_switch.h"
 #include "server/refusal.h"
@@ -36,14 +38,43 @@ absl::Status CheckLength(std::string_view field, std::size_t bytes, bool announc
   return absl::OkStatus();
 }
 
-/// Checks the numbers of `array` from `first` on, three to a photon.
-absl::Status CheckNumbers(std::string_view field, const std::vector<float>& array,
-                          std::size_t first, float limit) {
-  const std::size_t i = first + FirstBeyond(std::span(array).subspan(first), limit);
-  if (i == array.size()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("chunk.{}: number {} of photon {} is {}, it must be finite and within {:g}",
-                  field, i % 3, i / 3, array[i], limit));
+/// Appends the numbers that `pieces` hold, whole ones in all, to `array`, and has each block of
+/// them checked while the processor's first cache holds it: `check(block)`.
+template <typename T, typename Check>
+absl::Status Append(const Pieces& pieces, std::vector<T>& array, Check check) {
+  constexpr std::size_t kBlockBytes = 12 << 10;  // whole photons
+  std::array<T, kBlockBytes / sizeof(T)> block;
+  std::size_t filled = 0;  // bytes of `block`
+  const auto empty = [&]() -> absl::Status {
+    const std::span<const T> numbers(block.data(), std::exchange(filled, 0) / sizeof(T));
+    if (auto status = check(numbers); !status.ok()) return status;
+    array.insert(array.end(), numbers.begin(), numbers.end());
+    return absl::OkStatus();
+  };
+  for (std::string_view piece : pieces) {
+    while (!piece.empty()) {
+      const std::size_t size = std::min(piece.size(), kBlockBytes - filled);
+      std::memcpy(reinterpret_cast<char*>(block.data()) + filled, piece.data(), size);
+      piece.remove_prefix(size);
+      filled += size;
+      if (filled < kBlockBytes) continue;
+      if (auto status = empty(); !status.ok()) return status;
+    }
+  }
+  return empty();
+}
+
+/// The same for numbers of which there are three to a photon, finite and within `limit`.
+absl::Status AppendNumbers(std::string_view field, const Pieces& pieces, float limit,
+                           std::vector<float>& array) {
+  return Append(pieces, array, [&](std::span<const float> numbers) -> absl::Status {
+    const std::size_t wrong = FirstBeyond(numbers, limit);
+    if (wrong == numbers.size()) return absl::OkStatus();
+    const std::size_t i = array.size() + wrong;
+    return absl::InvalidArgumentError(
+        fmt::format("chunk.{}: number {} of photon {} is {}, it must be finite and within {:g}",
+                    field, i % 3, i / 3, numbers[wrong], limit));
+  });
 }
 
 }  // namespace
@@ -86,7 +117,7 @@ std::uint64_t PhotonBytes(const BuildPlan& plan) {
 }
 
 std::uint64_t UploadBytes(const BuildPlan& plan, const Limits& limits) {
-  return PhotonBytes(plan) + limits.max_message_bytes;
+  return PhotonBytes(plan) + 2 * limits.max_message_bytes;
 }
 
 std::uint64_t MapBytes(const BuildPlan& plan) {
@@ -119,11 +150,12 @@ absl::StatusOr<Upload> Upload::Start(const BuildPlan& plan, const Limits& limits
   return upload;
 }
 
-absl::Status Upload::Add(const v1::PhotonChunk& chunk) {
+absl::Status Upload::Add(const ChunkArrays& chunk) {
   // Lengths agree with each other and with the header.
-  const std::size_t length = chunk.positions().size();
+  const std::size_t length = Length(chunk.positions), power_bytes = Length(chunk.powers),
+                    direction_bytes = Length(chunk.directions);
   const std::size_t photon_count = length / kPositionBytes;
-  const std::size_t chunk_bytes = length + chunk.powers().size() + chunk.directions().size();
+  const std::size_t chunk_bytes = length + power_bytes + direction_bytes;
   if (chunk_bytes > max_chunk_bytes_) {
     return absl::InvalidArgumentError(fmt::format(
         "chunk: arrays of {} bytes, at most {} (ServerLimits.max_chunk_bytes) are possible; "
@@ -137,11 +169,10 @@ absl::Status Upload::Add(const v1::PhotonChunk& chunk) {
   if (photon_count == 0) {
     return absl::InvalidArgumentError("chunk.positions: 0 photons, a chunk holds at least 1");
   }
-  auto status =
-      CheckLength("powers", chunk.powers().size(), has_powers_, kPowerBytes, photon_count);
+  auto status = CheckLength("powers", power_bytes, has_powers_, kPowerBytes, photon_count);
   if (status.ok()) {
-    status = CheckLength("directions", chunk.directions().size(), has_directions_, kDirectionBytes,
-                         photon_count);
+    status =
+        CheckLength("directions", direction_bytes, has_directions_, kDirectionBytes, photon_count);
   }
   if (!status.ok()) return status;
   if (photon_count > expected_ - received()) {
@@ -151,15 +182,13 @@ absl::Status Upload::Add(const v1::PhotonChunk& chunk) {
   }
 
   // Numbers are allowed.
-  const std::size_t first = photons_.positions.size();
-  AppendFromWire(chunk.positions(), photons_.positions);
-  AppendFromWire(chunk.powers(), photons_.powers);
-  AppendFromWire(chunk.directions(), photons_.directions);
-  status = CheckNumbers("positions", photons_.positions, first, kMaxCoordinate);
-  if (status.ok() && has_powers_) {
-    status = CheckNumbers("powers", photons_.powers, first, std::numeric_limits<float>::max());
+  status = AppendNumbers("positions", chunk.positions, kMaxCoordinate, photons_.positions);
+  if (status.ok()) {
+    status =
+        AppendNumbers("powers", chunk.powers, std::numeric_limits<float>::max(), photons_.powers);
   }
-  return status;
+  if (!status.ok()) return status;
+  return Append(chunk.directions, photons_.directions, [](auto) { return absl::OkStatus(); });
 }
 
 absl::StatusOr<Photons> Upload::Finish() && {

@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/model/photons.h"
+#include "server/chunk_arrays.h"
 #include "server/convert.h"
 
 namespace treelight::server {
@@ -25,7 +26,8 @@ absl::Status CheckDeviceRoom(const BuildPlan& plan, const DeviceInfo& device,
 /// Host memory of the photons of `plan`, bytes.
 std::uint64_t PhotonBytes(const BuildPlan& plan);
 
-/// Host memory of an upload, bytes: its arrays, and the message that arrives.
+/// Host memory of an upload, bytes: its arrays, the message that is added to them and the one that
+/// arrives meanwhile.
 std::uint64_t UploadBytes(const BuildPlan& plan, const Limits& limits);
 
 /// What a map of `plan` holds of its device's memory while it is built, bytes, a little more rather
@@ -42,7 +44,7 @@ class Upload {
   /// announced, no photons, more than announced, or a number that is not allowed; the message names
   /// field, index and value, the photon counted over the whole upload. After an error the upload is
   /// of no further use.
-  absl::Status Add(const v1::PhotonChunk& chunk);
+  absl::Status Add(const ChunkArrays& chunk);
 
   /// The photons. INVALID_ARGUMENT: fewer came than announced.
   absl::StatusOr<Photons> Finish() &&;

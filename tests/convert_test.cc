@@ -1,8 +1,10 @@
 #include "server/convert.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "fmt/format.h"
 #include "gtest/gtest.h"
 #include "server/address.h"
 #include "server/answer.h"
@@ -182,8 +184,8 @@ std::string ChunkError(Change change) {
   change(*messages[2].mutable_chunk());
   auto upload =
       Upload::Start(*ParseBuildHeader(messages[0].header(), {}), {.max_chunk_bytes = 100});
-  EXPECT_TRUE(upload->Add(messages[1].chunk()).ok());
-  return upload->Add(messages[2].chunk()).ToString();
+  EXPECT_TRUE(upload->Add(ArraysOf(messages[1].chunk())).ok());
+  return upload->Add(ArraysOf(messages[2].chunk())).ToString();
 }
 
 /// Replaces number `index` of `bytes`.
@@ -198,13 +200,50 @@ TEST(UploadTest, PutsChunksTogether) {
   const auto messages = MakeUpload("map", photons, 100);
   auto upload = Upload::Start(*ParseBuildHeader(messages[0].header(), {}), {});
   for (std::size_t i = 1; i < messages.size(); ++i) {
-    ASSERT_TRUE(upload->Add(messages[i].chunk()).ok());
+    ASSERT_TRUE(upload->Add(ArraysOf(messages[i].chunk())).ok());
   }
   const auto all = (*std::move(upload)).Finish();
   ASSERT_TRUE(all.ok()) << all.status();
   EXPECT_EQ(all->positions, photons.positions);
   EXPECT_EQ(all->powers, photons.powers);
   EXPECT_EQ(all->directions, photons.directions);
+}
+
+TEST(UploadTest, NumbersMayLieInSeveralPieces) {
+  const Photons photons = MakePhotons(5000, 1);
+  const auto messages = MakeUpload("map", photons, 5000);
+  const v1::PhotonChunk& chunk = messages[1].chunk();
+  const auto split = [](std::string_view bytes, std::size_t size) {
+    Pieces pieces;
+    for (; !bytes.empty(); bytes.remove_prefix(std::min(size, bytes.size())))
+      pieces.push_back(bytes.substr(0, size));
+    return pieces;
+  };
+  for (const std::size_t size : {1u, 5u, 1021u, 12288u, 16384u, 40000u}) {
+    auto upload = Upload::Start(*ParseBuildHeader(messages[0].header(), {}), {});
+    const ChunkArrays arrays = {.positions = split(chunk.positions(), size),
+                                .powers = split(chunk.powers(), size + 1),
+                                .directions = split(chunk.directions(), size + 2)};
+    ASSERT_TRUE(upload->Add(arrays).ok());
+    const auto all = (*std::move(upload)).Finish();
+    ASSERT_TRUE(all.ok()) << all.status();
+    EXPECT_EQ(all->positions, photons.positions);
+    EXPECT_EQ(all->powers, photons.powers);
+    EXPECT_EQ(all->directions, photons.directions);
+  }
+  // The last number of an array and one behind the first block of it.
+  for (const std::size_t wrong : {std::size_t{14999}, std::size_t{3072}}) {
+    const std::string positions = With(chunk.positions(), wrong, NAN);
+    auto upload = Upload::Start(*ParseBuildHeader(messages[0].header(), {}), {});
+    EXPECT_EQ(upload
+                  ->Add({.positions = split(positions, 1001),
+                         .powers = {chunk.powers()},
+                         .directions = {chunk.directions()}})
+                  .message(),
+              fmt::format("chunk.positions: number {} of photon {} is nan, it must be finite and "
+                          "within 1e+18",
+                          wrong % 3, wrong / 3));
+  }
 }
 
 TEST(UploadTest, EachErrorNamesFieldIndexAndValue) {
@@ -245,7 +284,7 @@ TEST(UploadTest, AnArrayThatWasNotAnnouncedIsRefused) {
   auto messages = MakeUpload("map", MakePhotons(2, 1));
   messages[0].mutable_header()->set_has_powers(false);
   auto upload = Upload::Start(*ParseBuildHeader(messages[0].header(), {}), {});
-  EXPECT_EQ(upload->Add(messages[1].chunk()).ToString(),
+  EXPECT_EQ(upload->Add(ArraysOf(messages[1].chunk())).ToString(),
             "INVALID_ARGUMENT: chunk.powers: 24 bytes, but header.has_powers is false");
 }
 

@@ -26,7 +26,7 @@ class ServiceAdmissionTest : public AdmissionTest {
 };
 
 TEST_F(ServiceAdmissionTest, AnUploadOverTheMemoryLimitIsRefusedBeforeItsChunksAreRead) {
-  options_.memory_limit = 8 << 20;
+  options_.memory_limit = 16 << 20;
   StartGated();
   auto upload = MakeUpload("large", photons_);
   upload[0].mutable_header()->set_photon_count(1'000'000);  // 28 MB
@@ -34,10 +34,11 @@ TEST_F(ServiceAdmissionTest, AnUploadOverTheMemoryLimitIsRefusedBeforeItsChunksA
   // No chunk is sent: the answer does not wait for one.
   const auto status = build.Finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(status.error_message(),
-            "header.photon_count is 1000000: 32194304 bytes of the server's memory, the limit is "
-            "8388608 (--memory-limit), of which 0 are held (uploads 0, messages 0, answers 0, maps "
-            "0); ask for less");
+  EXPECT_EQ(
+      status.error_message(),
+      "header.photon_count is 1000000: 36388608 bytes of the server's memory, the limit is "
+      "16777216 (--memory-limit), of which 0 are held (uploads 0, messages 0, answers 0, maps "
+      "0); ask for less");
   const Details details = ReadDetails(status);
   EXPECT_EQ(details.quota, "memory");
   EXPECT_EQ(details.description, status.error_message());
@@ -46,12 +47,12 @@ TEST_F(ServiceAdmissionTest, AnUploadOverTheMemoryLimitIsRefusedBeforeItsChunksA
 }
 
 TEST_F(ServiceAdmissionTest, AnUploadThatFitsLaterIsToldWhen) {
-  options_.memory_limit = 40 << 20;
+  options_.memory_limit = 44 << 20;
   StartGated();
   auto upload = MakeUpload("first", photons_);
   upload[0].mutable_header()->set_photon_count(1'000'000);
   OpenUpload first(*stub_, upload[0]);
-  ASSERT_TRUE(Eventually([&] { return Info().memory_bytes_used() == 32'194'304; }));
+  ASSERT_TRUE(Eventually([&] { return Info().memory_bytes_used() == 36'388'608; }));
   OpenUpload second(*stub_, upload[0]);
   const auto status = second.Finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
@@ -73,12 +74,12 @@ TEST_F(ServiceAdmissionTest, MapsOfACpuCountAndAreGivenBackWhenTheyGo) {
   // What the map says that it holds, no more of what was foreseen.
   EXPECT_TRUE(Eventually([&] { return Info().memory_bytes_used() == Info().device_bytes_used(); }));
   auto upload = MakeUpload("huge", photons_);
-  upload[0].mutable_header()->set_photon_count(1'000'000);  // 32 MB and a map of 72 MB
+  upload[0].mutable_header()->set_photon_count(1'000'000);  // 36 MB and a map of 72 MB
   const auto status = OpenUpload(*stub_, upload[0]).Finish();
   EXPECT_EQ(ReadDetails(status).quota, "memory");
   // Each of both would fit, together they never do: that is what the client has to know.
   EXPECT_EQ(ReadDetails(status).retry_seconds, -1);
-  EXPECT_EQ(status.error_message().find("header.photon_count is 1000000: 104194304 bytes"), 0u)
+  EXPECT_EQ(status.error_message().find("header.photon_count is 1000000: 108388608 bytes"), 0u)
       << status.error_message();
   Delete("cloud");
   EXPECT_TRUE(AllGivenBack());

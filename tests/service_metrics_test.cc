@@ -123,7 +123,7 @@ TEST_F(ServiceMetricsTest, GaugesFollowTheServer) {
 }
 
 TEST_F(ServiceMetricsTest, RefusalsAreCountedByReason) {
-  options_.memory_limit = 8 << 20;
+  options_.memory_limit = 16 << 20;
   StartGated();
   EXPECT_EQ(Scrape()["treelight_refusals_total{reason=\"builds\"}"], 0);
   auto upload = MakeUpload("large", photons_);

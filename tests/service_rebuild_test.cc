@@ -146,14 +146,14 @@ TEST_F(ServiceRebuildTest, OneThatWaitsIsCancelledAndLeavesNothing) {
 }
 
 TEST_F(ServiceRebuildTest, ItTakesItsRoomAsABuildDoes) {
-  options_.memory_limit = 8 << 20;
+  options_.memory_limit = 12 << 20;
   StartGated();
-  MustBuild("cloud", MakePhotons(40'000, 2));  // 1.1 MB
+  MustBuild("cloud", MakePhotons(80'000, 2));  // 2.2 MB
   const auto request =
       Request(v1::BUILDER_KIND_SWEEP);  // beside the photons, work space of the host
   const grpc::Status status = Rebuild(request);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(status.error_message().find("map 'cloud@2' has 40000 photons: "), 0u)
+  EXPECT_EQ(status.error_message().find("map 'cloud@2' has 80000 photons: "), 0u)
       << status.error_message();
   EXPECT_TRUE(Rebuild(Request(v1::BUILDER_KIND_LBVH)).ok());
 }

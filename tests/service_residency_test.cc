@@ -98,10 +98,11 @@ TEST_F(ServiceResidencyTest, IdleMapsLeaveTheDeviceForHostMemoryAndComeBack) {
 }
 
 TEST_F(ServiceResidencyTest, MapsThatLeaveArePaidForWithHostMemoryAndStayWithoutIt) {
-  // Room for the photons of one map, 28 B each, beside those of an upload.
+  // Room for the photons of one map, 28 B each, beside an upload: its own, and two messages.
   constexpr std::uint64_t kPhotonBytes = 28 * kCount;
   options_.metrics_listen = "127.0.0.1:0";
-  options_.memory_limit = options_.limits.max_message_bytes + 2 * kPhotonBytes + kPhotonBytes / 2;
+  options_.memory_limit =
+      2 * options_.limits.max_message_bytes + 2 * kPhotonBytes + kPhotonBytes / 2;
   StartOn("gpu", kMapBytes + kRest);
   BuildAndWait("map0", MakePhotons(kCount, 0));
   BuildAndWait("map1", MakePhotons(kCount, 1));
@@ -172,7 +173,8 @@ TEST_F(ServiceResidencyTest, IdleMapsOfACpuLeaveForGathersToo) {
   options_.metrics_listen = "127.0.0.1:0";
   options_.memory_limit = 44 << 20;
   StartOn("cpu", std::uint64_t{1} << 40);
-  for (std::uint32_t i = 0; i < 6; ++i) {  // 38 of 40 MiB
+  // The last one leaves as much free as an upload holds beside the map, and a map more at most.
+  for (std::uint32_t i = 0; i < 6; ++i) {
     BuildAndWait("map" + std::to_string(i), MakePhotons(kCount, i));
   }
   const std::size_t resident = Resident().size();
@@ -182,7 +184,7 @@ TEST_F(ServiceResidencyTest, IdleMapsOfACpuLeaveForGathersToo) {
     std::unique_ptr<grpc::ClientReaderWriter<v1::GatherRequest, v1::GatherResponse>> stream;
   };
   std::vector<std::unique_ptr<Open>> streams;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < 5; ++i) {
     auto& open = *streams.emplace_back(std::make_unique<Open>());
     open.stream = stub_->GatherStream(&open.context);
     ASSERT_TRUE(open.stream->Write(MakeBatch("map5", queries_, {.k = 5, .outputs = 31})));

@@ -58,6 +58,30 @@ void Rebuild(const std::string& bytes) {
   if (request.ParseFromString(bytes)) CheckPlan(ParseRebuild(request, Map()));
 }
 
+/// The BuildPhotonMapRequest of the chunk `bytes`, its length in three bytes.
+std::string RequestOf(const std::string& bytes) {
+  const auto digit = [&](int shift) { return static_cast<char>(bytes.size() >> shift & 0x7f); };
+  return std::string("\x12") + static_cast<char>(digit(0) | 0x80) +
+         static_cast<char>(digit(7) | 0x80) + digit(14) + bytes;
+}
+
+Pieces Split(std::string_view bytes) {
+  constexpr std::size_t kPieceBytes = 7;
+  Pieces pieces;
+  for (std::size_t first = 0; first < bytes.size(); first += kPieceBytes)
+    pieces.push_back(bytes.substr(first, kPieceBytes));
+  return pieces;
+}
+
+/// Whether `pieces` hold `bytes`.
+bool Hold(const Pieces& pieces, std::string_view bytes) {
+  for (const std::string_view piece : pieces) {
+    if (!bytes.starts_with(piece)) return false;
+    bytes.remove_prefix(piece.size());
+  }
+  return bytes.empty();
+}
+
 /// A header, then chunks: the messages of an upload one after the other, each behind its length in
 /// two bytes.
 void WholeUpload(std::string_view bytes) {
@@ -80,9 +104,17 @@ void WholeUpload(std::string_view bytes) {
       upload = *std::move(begun);
       continue;
     }
+    const std::string request = RequestOf(message);
+    const auto arrays = FindArrays(Split(request));
     v1::PhotonChunk chunk;
-    if (!chunk.ParseFromString(message)) return;
-    if (const auto added = upload->Add(chunk); !added.ok()) return RequireRefusal(added);
+    const bool parsed = chunk.ParseFromString(message);
+    Require(!arrays || (parsed && Hold(arrays->positions, chunk.positions()) &&
+                        Hold(arrays->powers, chunk.powers()) &&
+                        Hold(arrays->directions, chunk.directions())),
+            "arrays are found where protobuf finds them");
+    if (!parsed) return;
+    if (const auto added = upload->Add(arrays ? *arrays : ArraysOf(chunk)); !added.ok())
+      return RequireRefusal(added);
     Require(upload->received() <= plan.photon_count, "no more than announced");
   }
   if (!upload) return;
