@@ -63,13 +63,15 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
     }
     uint children = sub_group_vote(touched);
     if (level == 0) {
-      for (; children != 0; children &= children - 1) {
-        const uint chosen = ctz(children);
-        uint base = sub_group_max(lane == chosen ? begin : 0);
-        const uint block_end = sub_group_max(lane == chosen ? end : 0);
-        for (; base < block_end; base += SUB_GROUP_SIZE) {
-          const float4 photon = load_photon(photons, min(base + lane, block_end - 1));
-          const bool valid = base + lane < block_end;
+      while (children != 0) {
+        // Blocks that are neighbours are looked into as one.
+        const uint run = ctz(children), run_end = run + ctz(~(children >> run));
+        uint base = sub_group_max(lane == run ? begin : 0);
+        const uint photons_end = sub_group_max(lane + 1 == run_end ? end : 0);
+        children = run_end < SUB_GROUP_SIZE ? children >> run_end << run_end : 0;
+        for (; base < photons_end; base += SUB_GROUP_SIZE) {
+          const float4 photon = load_photon(photons, min(base + lane, photons_end - 1));
+          const bool valid = base + lane < photons_end;
           EACH_QUERY found[j] +=
               valid && photon_squared_distance(q[j].xyz, photon) <= q[j].w ? 1 : 0;
         }

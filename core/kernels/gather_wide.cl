@@ -133,20 +133,18 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
           reach = reach_of_all(farthest);
         }
       }
-      while (true) {
-        // The nearest block first: its photons are tried on all queries.
-        const uint nearest = sub_group_min(key);
-        if (nearest > reach) break;
-        const uint chosen = 31 - clz(sub_group_vote(key == nearest));
-        uint base = sub_group_max(lane == chosen ? begin : 0);
-        const uint block_end = sub_group_max(lane == chosen ? end : 0);
-        if (lane == chosen) key = NOTHING;
-        for (; base < block_end; base += SUB_GROUP_SIZE) {
-          const float4 photon = load_photon(photons, min(base + lane, block_end - 1));
+      for (uint blocks = sub_group_vote(key <= reach); blocks != 0;) {
+        // Blocks that are neighbours are looked into as one: their photons are tried on all
+        // queries.
+        const uint run = ctz(blocks), run_end = run + ctz(~(blocks >> run));
+        uint base = sub_group_max(lane == run ? begin : 0);
+        const uint photons_end = sub_group_max(lane + 1 == run_end ? end : 0);
+        for (; base < photons_end; base += SUB_GROUP_SIZE) {
+          const float4 photon = load_photon(photons, min(base + lane, photons_end - 1));
           uint longest = 0;
           EACH_QUERY {
             const float d2 = photon_squared_distance(q[j], photon);
-            const bool takes = base + lane < block_end && d2 <= worst[j];
+            const bool takes = base + lane < photons_end && d2 <= worst[j];
             const uint votes = sub_group_vote(takes);
             if (takes)
               all_lists[tail[j] + popcount(votes & before)] =
@@ -181,6 +179,7 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
             }
           }
         }
+        blocks = run_end < SUB_GROUP_SIZE ? sub_group_vote(key <= reach) >> run_end << run_end : 0;
       }
     }
     // The nearest node that waits, of the lowest level that has one.
