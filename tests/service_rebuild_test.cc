@@ -13,6 +13,13 @@ using std::chrono_literals::operator""ms;
 
 class ServiceRebuildTest : public GatedServiceTest {
  protected:
+  v1::ServerInfo Info() {
+    v1::ServerInfo info;
+    grpc::ClientContext context;
+    EXPECT_TRUE(stub_->GetServerInfo(&context, {}, &info).ok());
+    return info;
+  }
+
   static v1::RebuildPhotonMapRequest Request(v1::BuilderKind builder) {
     v1::RebuildPhotonMapRequest request;
     request.set_name("cloud");
@@ -136,10 +143,8 @@ TEST_F(ServiceRebuildTest, OneThatWaitsIsCancelledAndLeavesNothing) {
   gate_->open = true;
   EXPECT_TRUE(gather->status.get().ok());
   EXPECT_TRUE(Eventually([&] {
-    grpc::ClientContext look;
-    v1::ServerInfo info;
-    return stub_->GetServerInfo(&look, {}, &info).ok() && info.memory_bytes_used() == 0 &&
-           info.map_count() == 1;
+    const v1::ServerInfo info = Info();
+    return info.memory_bytes_used() == 0 && info.map_count() == 1;
   }));
   EXPECT_EQ(gate_->builds, 1);
   EXPECT_EQ(LogOf("RebuildPhotonMap")["code"], "DEADLINE_EXCEEDED");
@@ -149,6 +154,8 @@ TEST_F(ServiceRebuildTest, ItTakesItsRoomAsABuildDoes) {
   options_.memory_limit = 12 << 20;
   StartGated();
   MustBuild("cloud", MakePhotons(80'000, 2));  // 2.2 MB
+  // What the upload has held is given back a moment after its answer.
+  ASSERT_TRUE(Eventually([&] { return Info().memory_bytes_used() == 0; }));
   const auto request =
       Request(v1::BUILDER_KIND_SWEEP);  // beside the photons, work space of the host
   const grpc::Status status = Rebuild(request);
