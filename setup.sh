@@ -8,7 +8,7 @@ packages=(
   g++ cmake ninja-build ccache pkg-config
   libgrpc++-dev libssl-dev libprotobuf-dev protobuf-compiler protobuf-compiler-grpc
   libabsl-dev libtbb-dev libembree-dev libopenexr-dev libstb-dev
-  ocl-icd-opencl-dev opencl-clhpp-headers pocl-opencl-icd
+  ocl-icd-opencl-dev opencl-clhpp-headers pocl-opencl-icd clang-15
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libxxhash-dev prometheus-cpp-dev
   libassimp-dev liblzma-dev
   libgtest-dev libgmock-dev python3-grpcio python3-matplotlib python3-numpy

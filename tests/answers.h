@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "core/gatherer.h"
+#include "core/model/photons.h"
 #include "gtest/gtest.h"
 
 namespace treelight {
@@ -37,6 +39,27 @@ inline testing::AssertionResult SameExactAnswers(const GatherResult& actual,
     if (!result) return result;
   }
   return testing::AssertionSuccess();
+}
+
+/// Expects densities of sums whose roundings do not grow with their number, of terms that are right
+/// to a few roundings: within 16 * 2^-24 of the sum of all terms at their largest weight.
+/// `expected` has counts and radii.
+inline void ExpectCloseDensities(const GatherResult& actual, const GatherResult& expected,
+                                 const Photons& photons, DensityKernel kernel) {
+  const double peak = kernel == DensityKernel::kConstant ? 1
+                      : kernel == DensityKernel::kCone   ? 3
+                                                         : 2;
+  const double largest_power = *std::max_element(photons.powers.begin(), photons.powers.end());
+  ASSERT_EQ(actual.densities.size(), expected.densities.size());
+  for (std::size_t i = 0; i < expected.densities.size(); ++i) {
+    const double n = expected.counts[i / 3], r = expected.radii[i / 3];
+    if (r * r < 1e-30) continue;  // the squares underflow: no digits are left to compare
+    const double largest_sum =
+        r > 0 && std::isfinite(r) ? n * peak * largest_power / (M_PI * r * r) : 0;
+    ASSERT_NEAR(actual.densities[i], expected.densities[i],
+                16 * 0x1p-24 * largest_sum + std::numeric_limits<float>::min())
+        << i;
+  }
 }
 
 /// Half of the k-th distances of the queries are above this; 1 where there are fewer photons.

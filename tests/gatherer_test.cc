@@ -52,26 +52,6 @@ TEST_P(EveryCloud, AnswersAreBitEqualToBruteForce) {
   }
 }
 
-// Sums whose roundings do not grow with their number, of terms that are right to a few roundings:
-// within 16 * 2^-24 of the sum of all terms at their largest weight.
-void ExpectCloseDensities(const GatherResult& actual, const GatherResult& expected,
-                          const Photons& photons, DensityKernel kernel) {
-  const double peak = kernel == DensityKernel::kConstant ? 1
-                      : kernel == DensityKernel::kCone   ? 3
-                                                         : 2;
-  const double largest_power = *std::max_element(photons.powers.begin(), photons.powers.end());
-  ASSERT_EQ(actual.densities.size(), expected.densities.size());
-  for (std::size_t i = 0; i < expected.densities.size(); ++i) {
-    const double n = expected.counts[i / 3], r = expected.radii[i / 3];
-    if (r * r < 1e-30) continue;  // the squares underflow: no digits are left to compare
-    const double largest_sum =
-        r > 0 && std::isfinite(r) ? n * peak * largest_power / (M_PI * r * r) : 0;
-    ASSERT_NEAR(actual.densities[i], expected.densities[i],
-                16 * 0x1p-24 * largest_sum + std::numeric_limits<float>::min())
-        << i;
-  }
-}
-
 TEST_P(EveryCloud, DensitiesAreWithinTheStatedBound) {
   const Photons photons = MakeCloud(CloudNamed(GetParam()), 20011, /*seed=*/7);
   const MapPair pair = BuildPair(photons);

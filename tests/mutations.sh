@@ -46,6 +46,25 @@ gather_sums.cl    @ s/8 \* sum/9 * sum/ @ approximate_density_test
 ../model/first_beyond.cc @ s/<= limit/< limit/ @ first_beyond_test
 ../model/power_moments.cc @ s/square += other.square +/square +=/ @ approximate_density_test
 ../cpu/simd/packed_search_impl.h @ s/near ^= left_out;/near \&= ~left_out << 1;/ @ approximate_nearest_test
+gather_wide.cl    @ s/\&\& d2 <= worst\[j\];/\&\& d2 < worst[j];/ @ emulated_wide_test
+gather_wide.cl    @ s/as_uint(low.w) <= worst_ids/as_uint(low.w) > worst_ids/ @ emulated_wide_test
+gather_wide.cl    @ s/length < params.k \&\& worst/length < 1 \&\& worst/ @ emulated_wide_test
+gather_long.cl    @ s/size <= list_size - SUB_GROUP_SIZE/size <= list_size/ @ emulated_wide_test
+gather_long.cl    @ s/size >= params.k || reach == limit/size > 0 || reach == limit/ @ emulated_wide_test
+long_list.cl      @ s/rank += list\[bins.members\[i\]\] < value/rank += list[bins.members[i]] <= value/ @ emulated_wide_test
+long_list.cl      @ s/list\[first\] = b;/list[first] = a;/ @ emulated_wide_test
+candidate_list.cl @ s/candidate.y <= bound_id/candidate.y >= bound_id/ @ emulated_wide_test
+candidate_list.cl @ s/if (runs != 0)/if (runs == 1)/ @ emulated_wide_test
+count_wide.cl     @ s/whole \&= far_squared_distance/whole |= far_squared_distance/ @ emulated_wide_test
+density_wide.cl   @ s/d2\[j\] = NAN/d2[j] = 0/ @ emulated_wide_test
+wide_walk.cl      @ s/^  sub_group_sync();// @ emulated_wide_test
+radix_sort_onesweep.cl @ s/before + sum - value/before + sum/ @ emulated_radix_sort_test
+radix_sort_onesweep.cl @ s/^    sub_group_sync();// @ emulated_radix_sort_test
+ties_short.cl     @ s/min(max_leaf_size, (uint)TIE_SHORT_RUN)/max_leaf_size/ @ emulated_ties_test
+ties_short.cl     @ s/(a > b) == /(a < b) == / @ emulated_ties_test
+wide_tree.cl      @ s/popcount(before) > max_begins/popcount(before) > 31/ @ emulated_wide_tree_test
+wide_tree.cl      @ s/tile_end + ctz(after)/tile_end/ @ emulated_wide_tree_test
+sub_group.cl      @ s/(lane \& 2) != 0/(lane \& 4) != 0/ @ emulated_wide_test
 gather_range.cl   @ s/if (d2 > r2) continue/if (d2 >= r2) continue/ @ gatherer_test
 gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_test
 ../cpu/batch_gather.cc @ s/(1 + 1e-5)/(1 - 1e-2)/ @ packed_search_test
@@ -56,7 +75,8 @@ gather_list.cl    @ s/if (d2 <= r2) sift_up/if (d2 < r2) sift_up/ @ gatherer_tes
 
 copy=build-mutations/source
 mkdir -p "$copy"
-git ls-files -z | tar --null -T - -cf - | tar -C "$copy" -xf -
+# Files as new as now: an earlier run has built its last mutation later than the file that it was planted in was changed.
+git ls-files -z | tar --null -T - -cf - | tar -C "$copy" -xmf -
 cmake -S "$copy" -B build-mutations/build -G Ninja >build-mutations/configure.log
 survivors=0
 while IFS='@' read -r file expression test; do
