@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <iterator>
+#include <utility>
 
 namespace treelight::reference {
 namespace {
@@ -14,27 +15,27 @@ using Places = std::vector<std::uint32_t>;
 /// Appends the first photons of the blocks below a child of `tree`: of the largest subtrees of at
 /// most kBlockSize photons, and of leaves of more.
 void ListBlocks(const Tree& tree, std::uint32_t link, std::uint32_t count, Places& firsts) {
-  const auto first_photon = [&] {
-    std::uint32_t child = link;
-    while ((child & kLeafBit) == 0) child = tree.nodes[child].left;
-    return child & ~kLeafBit;
-  };
-  if (count <= kBlockSize || (link & kLeafBit) != 0) return firsts.push_back(first_photon());
-  const Node& node = tree.nodes[link];
-  ListBlocks(tree, node.left, node.left_count, firsts);
-  ListBlocks(tree, node.right, node.right_count, firsts);
+  if (count > kBlockSize && (link & kLeafBit) == 0) {
+    const Node& node = tree.nodes[link];
+    ListBlocks(tree, node.left, node.left_count, firsts);
+    ListBlocks(tree, node.right, node.right_count, firsts);
+    return;
+  }
+  while ((link & kLeafBit) == 0) link = tree.nodes[link].left;
+  firsts.push_back(link & ~kLeafBit);
 }
 
-/// Appends the first members of the largest subtrees of at most 32 members below a child that holds
-/// the photons [first, first + count). `begins`: the first photon of each member.
-void ListNodes(const Tree& tree, std::uint32_t link, std::uint32_t first, std::uint32_t count,
-               const Places& begins, Places& nodes) {
-  const auto member = std::lower_bound(begins.begin(), begins.end(), first);
-  if (std::lower_bound(member, begins.end(), first + count) - member <= 32)
-    return nodes.push_back(static_cast<std::uint32_t>(member - begins.begin()));
-  const Node& node = tree.nodes[link];
-  ListNodes(tree, node.left, first, node.left_count, begins, nodes);
-  ListNodes(tree, node.right, first + node.left_count, node.right_count, begins, nodes);
+/// Appends the first members of the largest subtrees of at most 32 of the members [begin, end):
+/// recursion over the smallest level of a range, the last of several. `meets` [i]: level between
+/// members i and i + 1.
+void ListNodes(const std::vector<std::uint8_t>& meets, std::uint32_t begin, std::uint32_t end,
+               Places& nodes) {
+  if (end - begin <= 32) return nodes.push_back(begin);
+  std::uint32_t lowest = begin;
+  for (std::uint32_t i = begin; i + 1 < end; ++i)
+    if (meets[i] <= meets[lowest]) lowest = i;
+  ListNodes(meets, begin, lowest + 1, nodes);
+  ListNodes(meets, lowest + 1, end, nodes);
 }
 
 /// Where more than 4 nodes begin among 32 neighbours, these become one node.
@@ -71,7 +72,7 @@ WideBox BoxOf(const std::vector<LeafPhoton>& photons, std::uint32_t first, std::
 
 }  // namespace
 
-WideReference MakeWideTree(const Tree& tree) {
+WideReference MakeWideTree(const Tree& tree, const std::vector<std::uint8_t>& levels) {
   WideReference wide;
   Places begins;  // first photon of each box of a level
   ListBlocks(tree, tree.root.link, tree.root.count, begins);
@@ -89,8 +90,10 @@ WideReference MakeWideTree(const Tree& tree) {
     }
     wide.boxes.emplace_back().first = member_count;
     if (count <= 32) return wide;
+    std::vector<std::uint8_t> meets;
+    for (std::uint32_t i = 1; i < count; ++i) meets.push_back(levels[begins[i] - 1]);
     Places nodes;
-    ListNodes(tree, tree.root.link, 0, tree.root.count, begins, nodes);
+    ListNodes(meets, 0, count, nodes);
     members = WithoutSmallNodes(nodes, count);
     member_count = count;
     Places above;

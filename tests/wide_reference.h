@@ -1,6 +1,7 @@
 #ifndef TREELIGHT_TESTS_WIDE_REFERENCE_H_
 #define TREELIGHT_TESTS_WIDE_REFERENCE_H_
 
+#include <cstdint>
 #include <vector>
 
 #include "core/kernels/types.h"
@@ -16,9 +17,11 @@ struct WideReference {
   WideSizes sizes{};
 };
 
-/// The wide tree of a tree of at least one photon, by recursion over the tree. Aborts where it has
-/// more than kMaxWideLevels.
-WideReference MakeWideTree(const Tree& tree);
+/// The wide tree of a tree of at least one photon, by recursion. Aborts where it has more than
+/// kMaxWideLevels.
+/// @param levels  [n - 1] split levels, or others by which the tree can be told: where a subtree is
+///                divided, the level is below all levels within it
+WideReference MakeWideTree(const Tree& tree, const std::vector<std::uint8_t>& levels);
 
 }  // namespace treelight::reference
 

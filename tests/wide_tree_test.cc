@@ -31,7 +31,7 @@ TEST(WideTreeTest, KernelsAgreeWithReference) {
         const DeviceWideTree wide = BuildWideTree(TestGpu(), device_tree, leaves, levels);
         ASSERT_TRUE(SameWideTree(wide.boxes.Read(TestGpu().queue()), wide.shape,
                                  wide.sizes.Read(TestGpu().queue())[0],
-                                 reference::MakeWideTree(tree)));
+                                 reference::MakeWideTree(tree, cloud.levels)));
       }
     }
   }

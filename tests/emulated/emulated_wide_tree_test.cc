@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "core/gpu/gpu.h"
@@ -77,23 +78,30 @@ void ExpectReference(const SortedCloud& cloud, const std::vector<std::uint32_t>&
   EXPECT_TRUE(SameWideTree(boxes, arguments.tree, sizes, expected));
 }
 
+void CheckCloud(const CloudShape& shape, std::size_t size, std::uint32_t max_leaf_size) {
+  SCOPED_TRACE(shape.name + " " + std::to_string(size) + " photons, leaves of " +
+               std::to_string(max_leaf_size));
+  SortedCloud cloud = SortCloud(shape, size, 30);
+  reference::BreakTies(cloud.positions, 30, max_leaf_size, cloud.ids, cloud.levels);
+  const auto firsts = reference::LeafFirsts(cloud.levels, size, max_leaf_size);
+  const auto photons = InLeafOrder(cloud);
+  const auto expected = reference::MakeWideTree(
+      reference::Hierarchy(cloud.levels, firsts, photons, max_leaf_size), cloud.levels);
+  for (const std::uint32_t shared_levels : {0u, 9u})
+    ExpectReference(cloud, firsts, photons, expected, shared_levels);
+}
+
 TEST(EmulatedWideTreeTest, KernelsAgreeWithReference) {
   for (const CloudShape& shape : AllClouds()) {
-    for (const std::size_t size : {1, 31, 32, 33, 1024, 1025, 10007}) {
-      for (const std::uint32_t max_leaf_size : {1u, 16u, 64u}) {
-        SCOPED_TRACE(shape.name + " " + std::to_string(size) + " photons, leaves of " +
-                     std::to_string(max_leaf_size));
-        SortedCloud cloud = SortCloud(shape, size, 30);
-        reference::BreakTies(cloud.positions, 30, max_leaf_size, cloud.ids, cloud.levels);
-        const auto firsts = reference::LeafFirsts(cloud.levels, size, max_leaf_size);
-        const auto photons = InLeafOrder(cloud);
-        const auto expected = reference::MakeWideTree(
-            reference::Hierarchy(cloud.levels, firsts, photons, max_leaf_size));
-        for (const std::uint32_t shared_levels : {0u, 9u})
-          ExpectReference(cloud, firsts, photons, expected, shared_levels);
-      }
-    }
+    for (const std::size_t size : {1, 31, 32, 33, 1024, 1025, 10007})
+      for (const std::uint32_t max_leaf_size : {1u, 16u, 64u})
+        CheckCloud(shape, size, max_leaf_size);
   }
+}
+
+/// Nodes that are neighbours and no subtree have nodes above them.
+TEST(EmulatedWideTreeTest, UnevenTreesOfManyLevelsAgreeWithReference) {
+  CheckCloud(CloudNamed("half_one_duplicate"), 300007, 16);
 }
 
 }  // namespace

@@ -26,11 +26,25 @@ GatherParams MakeParams(const Map& map, const GatherQueries& queries,
   return params;
 }
 
+/// Writes the depths of the nodes below a child of `tree` to the boundaries at which they divide
+/// the photons from `first` on.
+void ListDepths(const Tree& tree, std::uint32_t link, std::uint32_t first, std::uint8_t depth,
+                std::vector<std::uint8_t>& depths) {
+  if ((link & kLeafBit) != 0) return;
+  const Node& node = tree.nodes[link];
+  const std::uint32_t middle = first + node.left_count;
+  depths[middle - 1] = depth++;
+  ListDepths(tree, node.left, first, depth, depths);
+  ListDepths(tree, node.right, middle, depth, depths);
+}
+
 }  // namespace
 
 Map ReadMap(const Gatherer& gatherer) {
   Map map{*gatherer.ReadTree(), {}, std::vector<PhotonPower>(gatherer.photon_count())};
-  map.wide = reference::MakeWideTree(map.tree);
+  std::vector<std::uint8_t> depths(gatherer.photon_count() - 1);
+  ListDepths(map.tree, map.tree.root.link, 0, 0, depths);
+  map.wide = reference::MakeWideTree(map.tree, depths);
   const Photons photons = *gatherer.ReadPhotons();
   for (std::size_t i = 0; i < map.powers.size(); ++i) {
     std::copy_n(&photons.powers[3 * i], 3, map.powers[i].power);
