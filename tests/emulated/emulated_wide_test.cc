@@ -1,8 +1,8 @@
 // The searches of the wide tree by sub-groups, against brute force, on any machine: the texts of
-// their kernels run on the host (work_group.h). That shows wrong answers, items that diverge, lists
-// that are overrun, and most places where one item needs what another one has not yet written. It
-// does not show races that a device alone has, whose items write at the same time, nor what its
-// compiler makes of the text, nor its native_ functions: gather_wide_test is for devices.
+// their kernels run on the host (work_group.h). That shows wrong answers, items that diverge and
+// lists that are overrun. Of races it shows those between two exchanges: here every exchange orders
+// memory, on a device sub_group_sync alone does. Nor does it show what a device's compiler makes of
+// the text, or its native_ functions: gather_wide_test is for devices.
 
 #include <cmath>
 #include <limits>
