@@ -17,8 +17,8 @@ namespace {
 constexpr std::size_t kItems = 32;  // of a sub-group
 constexpr std::size_t kMaxSubGroups = 12;
 constexpr std::size_t kStackBytes = std::size_t{128} << 10;
-// What an item calls that has ended, or waits for all of the work-group; builtins.cl and
-// sub_group.cl have other numbers for what a sub-group calls.
+// What an item calls that has ended, or waits for all of the work-group; sub_group.cl has other
+// numbers.
 constexpr std::uint32_t kEnd = 0, kBarrier = 1;
 
 /// Begun by a context, then switched to by longjmp, which unlike swapcontext makes no system call.
