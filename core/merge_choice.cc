@@ -185,12 +185,12 @@ class Chooser {
   }
 
   /// Answers the sample from `merged`, and takes its group size where that is good and cheaper.
-  absl::Status Try(const FewerPhotons& fewer, std::shared_ptr<const Gatherer> merged) {
-    const double group_size = GroupSize(map_, *merged);
+  absl::Status Try(const FewerPhotons& fewer, MapOfFewer merged) {
+    const double group_size = GroupSize(map_, *merged.map);
     if (options_.k > 0 && MergedK(options_.k, group_size) < kFewestMergedPhotons) {
       return absl::OkStatus();
     }
-    const auto answer = GatherMerged(map_, *merged, sample_.view(), options_, cancelled_);
+    const auto answer = GatherMerged(map_, merged, sample_.view(), options_, cancelled_);
     if (!answer.ok()) return answer.status();
     choice_.times += answer->times;
     const SampledError error = ErrorOf(*answer, exact_, sample_.view());

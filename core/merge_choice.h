@@ -28,8 +28,8 @@ std::string_view NameOf(ExactReason reason);
 
 /// What was chosen for a batch, and the error that was measured (core/error_sample.h).
 struct MergeChoice {
-  FewerPhotons fewer{};                    ///< of no group size: exact, and `reason` says why
-  std::shared_ptr<const Gatherer> merged;  ///< the map of those, or null
+  FewerPhotons fewer{};  ///< of no group size: exact, and `reason` says why
+  MapOfFewer merged;     ///< the map of those, or none
   ExactReason reason = ExactReason::kNone;
   /// Where it is exact: subtrees are added up whole (GatherKind::kWhole), which costs less.
   bool whole = false;
@@ -49,8 +49,7 @@ absl::StatusOr<GatherResult> GatherExactly(const Gatherer& map, MergeChoice& cho
                                            const CancelCheck& cancelled = {});
 
 /// The map of fewer photons; RESOURCE_EXHAUSTED where there is no memory for it.
-using MergedMapOf =
-    std::function<absl::StatusOr<std::shared_ptr<const Gatherer>>(const FewerPhotons& fewer)>;
+using MergedMapOf = std::function<absl::StatusOr<MapOfFewer>(const FewerPhotons& fewer)>;
 
 /// What gathers of a kind cost on the device; RESOURCE_EXHAUSTED where there is no memory to
 /// measure it, or, for kWhole, for the moments that those need.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "core/some_queries.h"
@@ -9,7 +10,18 @@
 namespace treelight {
 namespace {
 
-/// Answers those queries exactly that found too few merged photons.
+double Magnitude(const float* channels) {
+  return std::fabs(double{channels[0]}) + std::fabs(double{channels[1]}) +
+         std::fabs(double{channels[2]});
+}
+
+/// The light that query `i` found, W: photons weigh 1 in the mean, whatever the kernel.
+double LightOf(const GatherResult& result, std::size_t i) {
+  const double radius = result.radii[i];
+  return Magnitude(&result.densities[3 * i]) * std::numbers::pi * radius * radius;
+}
+
+/// Answers those queries exactly that are not to be answered by merged photons.
 absl::Status AnswerExactly(const Gatherer& map, const GatherQueries& queries,
                            const GatherOptions& options, const CancelCheck& cancelled,
                            GatherResult& result) {
@@ -23,7 +35,7 @@ absl::Status AnswerExactly(const Gatherer& map, const GatherQueries& queries,
   if (!exact.ok()) return exact.status();
   for (std::size_t i = 0; i < few.size(); ++i) {
     result.counts[few[i]] = exact->counts[i];
-    if (!result.radii.empty()) result.radii[few[i]] = exact->radii[i];
+    if (!exact->radii.empty()) result.radii[few[i]] = exact->radii[i];
     std::copy_n(&exact->densities[3 * i], 3, &result.densities[3 * std::size_t{few[i]}]);
   }
   result.times += exact->times;
@@ -47,19 +59,31 @@ GatherOptions ExactOptions(const GatherOptions& options) {
   return exact;
 }
 
-absl::StatusOr<GatherResult> GatherMerged(const Gatherer& map, const Gatherer& merged,
+double MeanPower(const Photons& photons) {
+  double sum = 0, squares = 0;
+  for (std::size_t i = 0; i < photons.powers.size(); i += 3) {
+    const double power = Magnitude(&photons.powers[i]);
+    sum += power;
+    squares += power * power;
+  }
+  return sum > 0 ? squares / sum : 0;
+}
+
+absl::StatusOr<GatherResult> GatherMerged(const Gatherer& map, const MapOfFewer& merged,
                                           const GatherQueries& queries,
                                           const GatherOptions& options,
                                           const CancelCheck& cancelled) {
-  const double group_size = GroupSize(map, merged);
+  const double group_size = GroupSize(map, *merged.map);
+  const double least_light = kFewestMeanPhotons * merged.photon_power;
   GatherOptions from_merged = ExactOptions(options);
+  from_merged.outputs |= kOutputRadius | kOutputDensity;
   if (options.k > 0) from_merged.k = MergedK(options.k, group_size);
-  auto result = merged.Gather(queries, from_merged, cancelled);
+  auto result = merged.map->Gather(queries, from_merged, cancelled);
   if (!result.ok()) return result;
   result->merged.resize(queries.size());
   for (std::size_t i = 0; i < queries.size(); ++i) {
     std::uint32_t& count = result->counts[i];
-    result->merged[i] = count >= kFewestMergedPhotons ? 1 : 0;
+    result->merged[i] = count >= kFewestMergedPhotons && LightOf(*result, i) >= least_light ? 1 : 0;
     const bool all = options.k > 0 && count == from_merged.k;
     const auto photons = static_cast<std::uint32_t>(std::lround(count * group_size));
     count = all ? options.k : options.k > 0 ? std::min(options.k, photons) : photons;
@@ -67,6 +91,7 @@ absl::StatusOr<GatherResult> GatherMerged(const Gatherer& map, const Gatherer& m
   auto status = AnswerExactly(map, queries, options, cancelled, *result);
   if (!status.ok()) return status;
   if ((options.outputs & kOutputCount) == 0) result->counts.clear();
+  if ((options.outputs & kOutputRadius) == 0) result->radii.clear();
   return result;
 }
 

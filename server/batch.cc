@@ -271,7 +271,7 @@ absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
   if (choice_->exact()) {
     return GatherExactly(*map_->gatherer, *choice_, queries, batch_.options, call_.cancelled());
   }
-  return GatherMerged(*map_->gatherer, *choice_->merged, queries, batch_.options,
+  return GatherMerged(*map_->gatherer, choice_->merged, queries, batch_.options,
                       call_.cancelled());
 }
 

@@ -39,9 +39,8 @@ absl::StatusOr<Photons> Reduce(State& state, const StoredMap& map, const FewerPh
   return MergePhotons(*tree, *photons, fewer.group_size);
 }
 
-absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const StoredMap& map,
-                                                         const FewerPhotons& fewer,
-                                                         const CancelCheck& cancelled) {
+absl::StatusOr<ResidentFewer> Make(State& state, const StoredMap& map, const FewerPhotons& fewer,
+                                   const CancelCheck& cancelled) {
   const std::string what =
       fewer.kind == FewerPhotons::Kind::kMerged
           ? fmt::format("map '{}' with up to {} photons merged to one", map.name, fewer.group_size)
@@ -61,17 +60,17 @@ absl::StatusOr<std::shared_ptr<const ResidentTree>> Make(State& state, const Sto
   auto gatherer = BuildWithRoom(state, *photons, plan, plan.options, cancelled);
   if (!gatherer.ok()) return gatherer.status();
   if (state.maps_in_host_memory()) held.Resize((*gatherer)->report().device_bytes);
-  return std::make_shared<const ResidentTree>(
-      ResidentTree{.gatherer = *std::move(gatherer), .memory = std::move(held)});
+  return ResidentFewer{.tree = std::make_shared<const ResidentTree>(ResidentTree{
+                           .gatherer = *std::move(gatherer), .memory = std::move(held)}),
+                       .photon_power = MeanPower(*photons)};
 }
 
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const StoredMap& map,
-                                                            const FewerPhotons& fewer,
-                                                            const CancelCheck& cancelled) {
-  std::shared_ptr<const ResidentTree> merged = map.merged->Find(fewer);
-  if (merged == nullptr) {
+absl::StatusOr<MapOfFewer> MergedMapOf(State& state, const StoredMap& map,
+                                       const FewerPhotons& fewer, const CancelCheck& cancelled) {
+  ResidentFewer merged = map.merged->Find(fewer);
+  if (merged.tree == nullptr) {
     std::shared_ptr<const ResidentTree> tree;  // stays while others leave the device
     if (map.reloadable != nullptr) {
       auto acquired = map.reloadable->Acquire(cancelled);
@@ -83,8 +82,8 @@ absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const 
     merged = *std::move(made);
     map.merged->Keep(fewer, merged);
   }
-  const Gatherer* const gatherer = merged->gatherer.get();
-  return std::shared_ptr<const Gatherer>(std::move(merged), gatherer);
+  const Gatherer* const gatherer = merged.tree->gatherer.get();
+  return MapOfFewer{.map = {std::move(merged.tree), gatherer}, .photon_power = merged.photon_power};
 }
 
 }  // namespace treelight::server

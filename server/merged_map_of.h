@@ -15,9 +15,8 @@ namespace treelight::server {
 /// where it is not there, on the device's thread. RESOURCE_EXHAUSTED: there is no room for it, or
 /// for the copies of tree and photons that it is made of. The errors of Gatherer::ReadTree,
 /// ReadPhotons and Builder::Build.
-absl::StatusOr<std::shared_ptr<const Gatherer>> MergedMapOf(State& state, const StoredMap& map,
-                                                            const FewerPhotons& fewer,
-                                                            const CancelCheck& cancelled);
+absl::StatusOr<MapOfFewer> MergedMapOf(State& state, const StoredMap& map,
+                                       const FewerPhotons& fewer, const CancelCheck& cancelled);
 
 }  // namespace treelight::server
 

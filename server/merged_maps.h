@@ -11,14 +11,20 @@
 
 namespace treelight::server {
 
+/// A map of fewer photons on the device, and MapOfFewer::photon_power.
+struct ResidentFewer {
+  std::shared_ptr<const ResidentTree> tree;
+  double photon_power = 0;
+};
+
 /// The maps of fewer photons of one map (core/merged_gather.h) that have been made. Safe to call
 /// from several threads at once.
 class MergedMaps {
  public:
-  /// Null where it has not been made, or was dropped.
-  std::shared_ptr<const ResidentTree> Find(const FewerPhotons& fewer) const;
+  /// Without a tree where it has not been made, or was dropped.
+  ResidentFewer Find(const FewerPhotons& fewer) const;
 
-  void Keep(const FewerPhotons& fewer, std::shared_ptr<const ResidentTree> merged);
+  void Keep(const FewerPhotons& fewer, ResidentFewer merged);
 
   /// Lets go of those that nobody gathers from; what they held of their device, bytes.
   std::uint64_t Drop();
@@ -30,7 +36,7 @@ class MergedMaps {
  private:
   mutable std::mutex mutex_;
   // Guarded by mutex_.
-  std::map<FewerPhotons, std::shared_ptr<const ResidentTree>> merged_;
+  std::map<FewerPhotons, ResidentFewer> merged_;
 };
 
 }  // namespace treelight::server

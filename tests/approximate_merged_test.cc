@@ -89,7 +89,7 @@ TEST(GatherMergedTest, QueriesThatFindFewAreExact) {
   for (const GatherOptions& options : {GatherOptions{.k = 100, .radius = 0.2f, .outputs = kSums},
                                        GatherOptions{.k = 0, .radius = 0.2f, .outputs = kSums}}) {
     const auto merged = maps.Merged(8);
-    const auto answer = GatherMerged(maps.map(), *merged, {.positions = positions}, options);
+    const auto answer = GatherMerged(maps.map(), merged, {.positions = positions}, options);
     ASSERT_TRUE(answer.ok()) << answer.status();
     const auto exact = *maps.map().Gather({.positions = positions}, options);
     std::size_t merged_count = 0;
@@ -158,7 +158,7 @@ TEST(ChooseMergeTest, BatchesKeepTheirErrorOnEveryCloud) {
           EXPECT_LE(choice.measured_error, choice.error_limit);
           EXPECT_LE(choice.error_limit, error);
           const double is =
-              ErrorOf(*GatherMerged(maps.map(), *choice.merged, queries, options), exact);
+              ErrorOf(*GatherMerged(maps.map(), choice.merged, queries, options), exact);
           if (is <= error) {
             ++within;
           } else {
@@ -190,14 +190,13 @@ TEST(ChooseMergeTest, SaysWhyABatchIsExact) {
   const MergeChoice strict = maps.Choose(all, asks(500, 0.015f));
   EXPECT_EQ(strict.reason, ExactReason::kErrorTooBig);
   EXPECT_GT(strict.error_limit, 0.015f);
-  EXPECT_EQ(strict.merged, nullptr);
-  const auto no_memory =
-      [](const FewerPhotons&) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
+  EXPECT_EQ(strict.merged.map, nullptr);
+  const auto no_memory = [](const FewerPhotons&) -> absl::StatusOr<MapOfFewer> {
     return absl::ResourceExhaustedError("none");
   };
   EXPECT_EQ(ChooseMerge(maps.map(), no_memory, PlainCosts, all, asks(500, 0.1f))->reason,
             ExactReason::kNoMemory);
-  const auto failed = [](const FewerPhotons&) -> absl::StatusOr<std::shared_ptr<const Gatherer>> {
+  const auto failed = [](const FewerPhotons&) -> absl::StatusOr<MapOfFewer> {
     return absl::InternalError("broken");
   };
   EXPECT_TRUE(
@@ -273,15 +272,15 @@ TEST(ThinPhotonsTest, DensitiesErrAsTheirNumberSaysAndMoreThanMergedOnes) {
     const MergeChoice choice = maps.Choose({.positions = positions}, options);
     ASSERT_EQ(choice.fewer, (FewerPhotons{FewerPhotons::Kind::kThinned, size}));
     const auto exact = *maps.map().Gather({.positions = positions}, {.k = 500, .outputs = kSums});
-    const auto error_of = [&](const Gatherer& fewer) {
+    const auto error_of = [&](const MapOfFewer& fewer) {
       return ErrorOf(*GatherMerged(maps.map(), fewer, {.positions = positions}, options), exact);
     };
-    const double error = error_of(*choice.merged);
+    const double error = error_of(choice.merged);
     EXPECT_NEAR(choice.measured_error, error, 0.5 * error);
     const double told = std::sqrt(4.0 / 3 * (size - 1) / 500.0);
     EXPECT_GT(error, 0.5 * told) << size;
     EXPECT_LT(error, 2 * told) << size;
-    EXPECT_LT(error_of(*maps.Merged(size)), error / 2) << size;
+    EXPECT_LT(error_of(maps.Merged(size)), error / 2) << size;
   }
 }
 
@@ -295,9 +294,9 @@ TEST(ChooseMergeTest, DevicesMergeAsTheCpuDoes) {
   const MergeChoice device = on_device.Choose({.positions = positions}, options);
   ASSERT_FALSE(cpu.exact());
   ASSERT_EQ(device.fewer, cpu.fewer);
-  const auto expected = *GatherMerged(on_cpu.map(), *cpu.merged, {.positions = positions}, options);
+  const auto expected = *GatherMerged(on_cpu.map(), cpu.merged, {.positions = positions}, options);
   const auto answer =
-      *GatherMerged(on_device.map(), *device.merged, {.positions = positions}, options);
+      *GatherMerged(on_device.map(), device.merged, {.positions = positions}, options);
   EXPECT_TRUE(SameArray("counts", answer.counts, expected.counts));
   EXPECT_TRUE(SameArray("radii", answer.radii, expected.radii));
   EXPECT_TRUE(SameArray("merged", answer.merged, expected.merged));

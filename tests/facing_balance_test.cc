@@ -192,8 +192,9 @@ TEST(FacingBalanceTest, DensitiesOfMergedPhotonsErrLessThanDrawnDirectionsWould)
   const GatherOptions options{.k = 500, .outputs = kOutputDensity};
   const auto exact = *map->Gather(queries, options);
   for (const std::uint32_t size : {4u, 16u}) {
-    const auto merged = *builder->Build(MergePhotons(*map->ReadTree(), photons, size), {});
-    const auto answer = *GatherMerged(*map, *merged, queries, options);
+    const Photons fewer = MergePhotons(*map->ReadTree(), photons, size);
+    const MapOfFewer merged{*builder->Build(fewer, {}), MeanPower(fewer)};
+    const auto answer = *GatherMerged(*map, merged, queries, options);
     double squares = 0;
     for (std::size_t i = 0; i < 2000; ++i) {
       const auto sum = [i](const GatherResult& result) {
@@ -204,7 +205,7 @@ TEST(FacingBalanceTest, DensitiesOfMergedPhotonsErrLessThanDrawnDirectionsWould)
       squares += error * error;
     }
     // Half of the light is before a normal: of m photons with Epanechnikov's weights, drawn.
-    const double drawn = std::sqrt(4.0 / 3 * GroupSize(*map, *merged) / 500);
+    const double drawn = std::sqrt(4.0 / 3 * GroupSize(*map, *merged.map) / 500);
     EXPECT_LT(std::sqrt(squares / 2000), 0.75 * drawn) << size;
     EXPECT_GT(std::sqrt(squares / 2000), 0.01 * drawn) << size;
   }

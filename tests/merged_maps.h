@@ -33,17 +33,17 @@ class MergedMaps {
       : builder_(builder), options_(options), map_(*builder.Build(photons, options)) {}
 
   const Gatherer& map() const { return *map_; }
-  std::shared_ptr<const Gatherer> Merged(std::uint32_t group_size) {
+  MapOfFewer Merged(std::uint32_t group_size) {
     return Fewer({FewerPhotons::Kind::kMerged, group_size});
   }
-  std::shared_ptr<const Gatherer> Fewer(const FewerPhotons& fewer) {
+  MapOfFewer Fewer(const FewerPhotons& fewer) {
     auto& merged = merged_[fewer];
-    if (merged == nullptr) {
+    if (merged.map == nullptr) {
       const Photons all = *map_->ReadPhotons();
-      merged = *builder_.Build(fewer.kind == FewerPhotons::Kind::kMerged
-                                   ? MergePhotons(*map_->ReadTree(), all, fewer.group_size)
-                                   : ThinPhotons(all, fewer.group_size),
-                               options_);
+      const Photons photons = fewer.kind == FewerPhotons::Kind::kMerged
+                                  ? MergePhotons(*map_->ReadTree(), all, fewer.group_size)
+                                  : ThinPhotons(all, fewer.group_size);
+      merged = {*builder_.Build(photons, options_), MeanPower(photons)};
     }
     return merged;
   }
@@ -59,7 +59,7 @@ class MergedMaps {
   Builder& builder_;
   const BuildOptions options_;
   const std::unique_ptr<Gatherer> map_;
-  std::map<FewerPhotons, std::shared_ptr<const Gatherer>> merged_;
+  std::map<FewerPhotons, MapOfFewer> merged_;
 };
 
 }  // namespace treelight

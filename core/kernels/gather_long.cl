@@ -39,7 +39,7 @@ uint photons_below(global const WideBox* restrict boxes, const WideTree wide, ui
 }
 
 /// Gathers. One sub-group per query, 1D range of SUB_GROUPS * 32 * any; arguments as gather_wide.
-/// @param list_size  places of each list, a multiple of 32, at least k + 96
+/// @param list_size  places of each list, a multiple of 32, more than 64 beyond k or all photons
 /// @param all_lists  [SUB_GROUPS * list_size]
 kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) void gather_long(
     global const WideBox* restrict boxes, const WideTree wide,
