@@ -162,9 +162,11 @@ TEST(MergedMapsTest, ThreadsKeepFindAndDropThem) {
     for (unsigned thread = 0; thread < 4; ++thread) {
       threads.emplace_back([&, thread] {
         for (int i = 0; i < 500; ++i) {
-          maps.Keep({.group_size = thread}, SmallTree());
-          if (const auto found = maps.Find({.group_size = (thread + 1) % 4}); found != nullptr) {
-            EXPECT_EQ(found->gatherer->photon_count(), 1u);
+          maps.Keep({.group_size = thread}, {SmallTree(), 2});
+          const ResidentFewer found = maps.Find({.group_size = (thread + 1) % 4});
+          if (found.tree != nullptr) {
+            EXPECT_EQ(found.tree->gatherer->photon_count(), 1u);
+            EXPECT_EQ(found.photon_power, 2);
           }
           EXPECT_LE(maps.held_bytes(), 4 * kBytes);
           dropped += maps.Drop();
