@@ -131,7 +131,12 @@ absl::StatusOr<Summary> GatherAll(PhotonMapClient& client, const Options& option
 
 // What was chosen for the calls, those with one choice together.
 void PrintMerged(const Summary& summary) {
-  std::map<std::string, std::pair<std::size_t, float>> choices;  // calls, largest measured error
+  struct Told {
+    std::size_t calls = 0;
+    std::uint64_t sampled = 0;  // queries
+    float error = 0;            // the largest that was measured
+  };
+  std::map<std::string, Told> choices;
   for (const v1::MergeReport& report : summary.merge_reports) {
     const std::string choice =
         report.merged_photons() > 0
@@ -140,13 +145,18 @@ void PrintMerged(const Summary& summary) {
             ? fmt::format("one of {} photons", report.thinned_photons())
             : fmt::format("exact, {}{}", ReasonText(report.exact_reason()),
                           report.whole_subtrees() ? "; whole subtrees added up" : "");
-    auto& [calls, error] = choices[choice];
-    ++calls;
-    error = std::max(error, report.measured_error());
+    Told& told = choices[choice];
+    ++told.calls;
+    told.sampled += report.sampled_queries();
+    told.error = std::max(told.error, report.measured_error());
   }
   for (const auto& [choice, told] : choices) {
-    fmt::print(stderr, "{} of {} calls: {}; density off by {:.2g} in a sample\n", told.first,
-               summary.merge_reports.size(), choice, told.second);
+    const std::string error = told.sampled > 0
+                                  ? fmt::format("; density off by {:.2g} in a sample of {} queries",
+                                                told.error, told.sampled)
+                                  : "";
+    fmt::print(stderr, "{} of {} calls: {}{}\n", told.calls, summary.merge_reports.size(), choice,
+               error);
   }
 }
 
