@@ -89,6 +89,7 @@ void BuildCall::Continue() {
   if (!needs_photons_) {
     upload_.reset();
     job_.call().UploadEnded();
+    job_.GiveBack();  // however long the client goes on
   }
   Read();
   if (messages_.Next()) TakeUp();

@@ -14,7 +14,7 @@ namespace treelight::server {
 
 /// A BuildPhotonMap call: reads header and chunks, then has them built. Owns itself: made by the
 /// service, gone with OnDone. Messages are read as bytes, so that the numbers of a chunk are copied
-/// once; while one is taken up, on a thread of gRPC, the next one comes.
+/// once; while one is taken up the next one comes.
 class BuildCall final : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
   BuildCall(State& state, grpc::CallbackServerContext& context,

@@ -90,6 +90,12 @@ absl::StatusOr<bool> BuildJob::AnsweredByAnEarlierCall() {
   return true;
 }
 
+void BuildJob::GiveBack() {
+  photon_memory_ = {};
+  map_memory_ = {};
+  slot_ = {};
+}
+
 /// Answers with the map of an earlier call, where there is one.
 absl::StatusOr<bool> BuildJob::AnswerAsBefore() {
   const auto answered = AnsweredByAnEarlierCall();

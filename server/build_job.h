@@ -43,6 +43,9 @@ class BuildJob {
   /// INVALID_ARGUMENT: that call asked for something else.
   absl::StatusOr<bool> AnsweredByAnEarlierCall();
 
+  /// Gives back what Admit has taken: an earlier call has built the map.
+  void GiveBack();
+
   /// Waits for the device, builds, stores and answers, or answers with what an earlier call has
   /// built. Then, on any thread, `done` is called once; it must End().
   void Submit(PhotonSource photons, std::function<void(const absl::Status&)> done);

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <future>
+#include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,8 +13,8 @@
 #include "tests/admission_fixture.h"
 
 // Uploads, whose next message is read while one is taken up: whatever ends them, at whatever stage,
-// the error is that of the first message that is wrong, nothing is held any more, and no photon
-// has got into the map of another.
+// the error is that of the first message that is wrong (but for one behind it that gRPC itself
+// refuses), nothing is held any more, and no photon has got into the map of another.
 namespace treelight::testing {
 namespace {
 
@@ -202,6 +204,25 @@ TEST_F(ServiceUploadTest, OneThatIsCancelledAtAnyStageIsOver) {
   }
   EXPECT_TRUE(built_->photons.empty());
   ExpectAllFree();
+}
+
+TEST_F(ServiceUploadTest, ARepeatThatStandsStillHoldsNoSlotAndNoMemory) {
+  StartKeeping();
+  auto messages = MakeUpload("map", photons_, 100);
+  messages[0].mutable_header()->set_request_id("again");
+  v1::BuildPhotonMapResponse built;
+  ASSERT_TRUE(Build(*stub_, messages, built).ok());
+  std::vector<std::unique_ptr<OpenUpload>> repeats;
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    repeats.push_back(std::make_unique<OpenUpload>(*stub_, messages[0]));
+  }
+  EXPECT_TRUE(AllGivenBack());
+  EXPECT_TRUE(
+      Eventually([&] { return Build(*stub_, MakeUpload("healthy", photons_), built).ok(); }));
+  for (const auto& repeat : repeats) {
+    EXPECT_TRUE(repeat->Finish(std::span(messages).subspan(1, 3)).ok());
+  }
+  EXPECT_EQ(built_->photons.size(), 2u);
 }
 
 TEST_F(ServiceUploadTest, ChunksMayBeWrittenAsNobodyWritesThem) {

@@ -2,7 +2,9 @@
 // from the other side: what a sample of the batch does not show. On sets that nothing was tuned
 // for: powers and queries are drawn anew.
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <string>
 #include <vector>
@@ -102,6 +104,18 @@ TEST(UnequalPowersTest, AFewPhotonsThatOutshineAll) {
     Photons photons = Square(random);
     for (int i = 0; i < bright; ++i) SetPower(photons, static_cast<std::size_t>(i), power);
     EXPECT_EQ(MissesOf(photons, random, NoNormals), 0) << bright << " of " << power << ", " << seed;
+  }
+}
+
+TEST(UnequalPowersTest, SumsThatNoFloatHoldsAreTheLargest) {
+  std::mt19937 random(1);
+  Photons photons = Square(random);
+  photons.powers.assign(photons.powers.size(), -3e38f);
+  MergedMaps maps(CpuBuilder(), photons);
+  for (const auto kind : {FewerPhotons::Kind::kMerged, FewerPhotons::Kind::kThinned}) {
+    const Photons fewer = *maps.Fewer({kind, 8}).map->ReadPhotons();
+    EXPECT_LT(fewer.size(), photons.size() / 4);
+    EXPECT_EQ(*std::ranges::max_element(fewer.powers), -std::numeric_limits<float>::max());
   }
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/model/facing_balance.h"
+#include "core/model/finite_float.h"
 
 namespace treelight {
 namespace {
@@ -103,7 +104,7 @@ class Merger {
           total > 0 ? sums[axis] / total : plain[axis] / static_cast<double>(group.size());
       merged_.positions.push_back(std::clamp(static_cast<float>(middle), Component(box.min, axis),
                                              Component(box.max, axis)));
-      merged_.powers.push_back(static_cast<float>(powers[axis]));
+      merged_.powers.push_back(FiniteFloat(powers[axis]));
     }
     if (photons_.directions.empty()) return;
     const std::uint32_t chosen = Represent(group);

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/model/finite_float.h"
 #include "core/model/split_mix.h"
 
 namespace treelight {
@@ -31,7 +32,7 @@ Photons ThinPhotons(const Photons& photons, std::uint32_t group_size) {
   for (const std::size_t photon : chosen) {
     for (std::size_t i = 3 * photon; i < 3 * photon + 3; ++i) {
       kept.positions.push_back(photons.positions[i]);
-      kept.powers.push_back(static_cast<float>(rescale * photons.powers[i]));
+      kept.powers.push_back(FiniteFloat(rescale * photons.powers[i]));
     }
     if (photons.directions.empty()) continue;
     kept.directions.push_back(photons.directions[2 * photon]);
