@@ -271,8 +271,7 @@ absl::StatusOr<GatherResult> Batch::GatherQueriesOf(const Slice& slice) {
   if (choice_->exact()) {
     return GatherExactly(*map_->gatherer, *choice_, queries, batch_.options, call_.cancelled());
   }
-  return GatherMerged(*map_->gatherer, choice_->merged, queries, batch_.options,
-                      call_.cancelled());
+  return GatherMerged(*map_->gatherer, choice_->merged, queries, batch_.options, call_.cancelled());
 }
 
 /// Chooses how few photons it is gathered from, by a sample of the whole batch.

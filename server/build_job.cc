@@ -237,9 +237,8 @@ void BuildJob::Release(std::shared_ptr<void> rest) {
   const std::size_t bytes = std::max(record_.bytes_in, plan_.photon_count * sizeof(Vec3));
   state_.RunOnCpu(bytes, [memory = std::move(photon_memory_), photons = std::move(photons_),
                           rest = std::move(rest)] {});
-  map_memory_ = {};
   built_.reset();
-  slot_ = {};
+  GiveBack();
 }
 
 grpc::Status BuildJob::End(const absl::Status& status, std::shared_ptr<void> rest) {

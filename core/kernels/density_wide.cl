@@ -14,9 +14,9 @@ kernel __attribute__((reqd_work_group_size(SUB_GROUPS * SUB_GROUP_SIZE, 1, 1))) 
     global float* restrict radii, global float* restrict densities) {
   local uint all_waiting[SUB_GROUPS * kMaxWideLevels], all_firsts[SUB_GROUPS * kMaxWideLevels];
   local float4 all_places[SUB_GROUPS * QUERIES];  // x, y, z, squared radius
+  local float4 all_facings[SUB_GROUPS * QUERIES];  // normals
   const uint lane = sub_group_lane();
   const uint sub_group = sub_group_max(get_local_id(0) / SUB_GROUP_SIZE);
-  local float4 all_facings[SUB_GROUPS * QUERIES];  // normals
   // The children that wait at each level, as bits, and the first of them; the same from all items.
   local uint* waiting = all_waiting + sub_group * kMaxWideLevels;
   local uint* firsts = all_firsts + sub_group * kMaxWideLevels;

@@ -13,11 +13,11 @@ namespace treelight {
 /// inner nodes of Spencer and Jones 2009, "Hierarchical Photon Mapping"). Groups follow the boxes
 /// of the tree, so that they do not reach across its gaps.
 ///
-/// A merged photon has the sum of the powers, as far as floats reach, and lies at their centroid, weighted by the sum of the
-/// magnitudes of the channels. Its direction is that of one of the group, chosen with these weights
-/// so that what normals leave out is nearly right over neighbouring groups together
-/// (facing_balance.h). A group of one photon stays what it is. The same tree and photons give the
-/// same, bit by bit.
+/// A merged photon has the sum of the powers, as far as floats reach, and lies at their centroid,
+/// weighted by the sum of the magnitudes of the channels. Its direction is that of one of the
+/// group, chosen with these weights so that what normals leave out is nearly right over
+/// neighbouring groups together (facing_balance.h). A group of one photon stays what it is. The
+/// same tree and photons give the same, bit by bit.
 /// @param photons     what the tree was built over, with powers; their positions are not read
 /// @param group_size  [1, 2^16]
 Photons MergePhotons(const Tree& tree, const Photons& photons, std::uint32_t group_size);
